@@ -1,0 +1,74 @@
+"""The front door: one command, a line for each sub-command, and nothing heavy imported."""
+
+import sys
+from importlib import import_module
+from importlib.metadata import version
+from typing import Final, NamedTuple
+
+from recorder.errors import PomologError
+
+
+class Command(NamedTuple):
+    """A sub-command: the module whose `app` has it, and its line in the help."""
+
+    module: str
+    summary: str
+
+
+COMMANDS: Final[dict[str, Command]] = {
+    "import": Command("recorder.cli", "make a session from pictures"),
+    "label": Command("recorder.cli", "give a session truth: masks and apples"),
+    "info": Command("recorder.cli", "say what a session holds"),
+    "check": Command("recorder.cli", "read all of a session and say whether it is sound"),
+    "salvage": Command("recorder.cli", "make a whole session of a torn one"),
+    "replay": Command("processor.cli", "run the locator on sessions and keep every intermediate"),
+    "score": Command("processor.cli", "hits, false positives, matches and distance errors"),
+    "view": Command("viewer.cli", "open a run, or a session, in Rerun"),
+    "demo": Command("viewer.cli", "all of it, on a session that comes with pomolog"),
+}
+
+
+def usage() -> str:
+    """The text of `pomolog --help`."""
+    lines = [f"  {name:10} {command.summary}" for name, command in COMMANDS.items()]
+    return "\n".join(
+        (
+            "Usage: pomolog COMMAND [OPTIONS] [ARGUMENTS]",
+            "",
+            "Record an orchard once. Replay it for ever: every stage of the fruit locator",
+            "visible, scored and comparable.",
+            "",
+            "Commands:",
+            *lines,
+            "",
+            "Example: pomolog replay sessions/demo.mcap -o results",
+            "Each command has its own help: pomolog replay --help",
+        )
+    )
+
+
+def main() -> None:
+    """Run one sub-command. Exit 0 done, 1 an expected failure, 2 wrong usage."""
+    words = sys.argv[1:]
+    if not words or words[0] in ("-h", "--help", "help"):
+        print(usage())
+        sys.exit(0 if words else 2)
+    if words[0] == "--version":
+        print(f"pomolog {version('pomolog')}")
+        sys.exit(0)
+    command = COMMANDS.get(words[0])
+    if command is None:
+        print(f"pomolog: no command {words[0]!r}; see: pomolog --help", file=sys.stderr)
+        sys.exit(2)
+    try:
+        import_module(command.module).app(args=words, prog_name="pomolog")
+    except PomologError as error:
+        print(f"pomolog: {' '.join(str(error).split())}", file=sys.stderr)
+        sys.exit(1)
+    except KeyboardInterrupt:
+        print("pomolog: stopped", file=sys.stderr)
+        sys.exit(130)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""From a session to results: the locator, its replay and its score."""

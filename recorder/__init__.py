@@ -1,0 +1,1 @@
+"""What a session is, and every way to make one."""

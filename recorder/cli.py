@@ -1,0 +1,160 @@
+"""The recorder's commands: thin, they turn words into calls and results into lines."""
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from recorder.errors import PomologError, TornFileError
+
+app = typer.Typer(
+    add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)  # fmt: skip
+imports = typer.Typer(no_args_is_help=True)
+app.add_typer(imports, name="import", help="Make a session from pictures or recordings of others.")
+
+SessionArgument = Annotated[Path, typer.Argument(metavar="S", help="A session (.mcap).")]
+Output = Annotated[Path, typer.Option("--out", "-o", help="The session to write.")]
+AsJson = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")]
+
+
+@app.callback()
+def _recorder() -> None:
+    """Record sessions, make them, and look after them."""
+
+
+@app.command(epilog="Example: pomolog info sessions/demo.mcap")
+def info(session: SessionArgument, as_json: AsJson = False) -> None:
+    """Say what a session holds; of a torn one, what can be saved."""
+    from recorder.salvage import survey
+    from recorder.session import SessionInfo, read_info
+
+    try:
+        found = read_info(session)
+    except TornFileError as torn:
+        wreck = survey(session)
+        if not wreck.chunks:
+            raise
+        found = SessionInfo(
+            profile=wreck.metadata.get("session", {}).get("profile", ""),
+            frames=wreck.frames,
+            pairs=min(wreck.counts["/left/image"], wreck.counts["/right/image"]),
+            topics=dict(wreck.counts),
+            start_ns=wreck.start_ns,
+            end_ns=wreck.end_ns,
+            metadata=wreck.metadata.get("session", {}),
+            ledger=wreck.metadata.get("ledger", {}),
+            whole=False,
+        )
+        typer.echo(f"pomolog: {torn}", err=True)
+    if as_json:
+        print(json.dumps(asdict(found), indent=2))
+        return
+    seconds = ((found.end_ns or 0) - (found.start_ns or 0)) / 1e9
+    print(f"{session}: {found.profile}, {'whole' if found.whole else 'TORN'}")
+    print(f"  {found.pairs} stereo pairs, {found.frames} frames, {seconds:.1f} s")
+    for topic, count in sorted(found.topics.items()):
+        print(f"  {topic:20} {count:7}")
+    for title, entries in (("about", found.metadata), ("ledger", found.ledger)):
+        for key, value in sorted(entries.items()):
+            print(f"  {title}: {key} = {value}")
+
+
+@app.command(epilog="Example: pomolog check sessions/demo.mcap")
+def check(session: SessionArgument, as_json: AsJson = False) -> None:
+    """Read all of a session: checksums, pictures, rates, gaps, skew. Exit 1 if it is not sound."""
+    from recorder.check import check as look
+    from recorder.progress import progress
+    from recorder.session import read_info
+
+    try:
+        pairs = read_info(session).pairs
+    except PomologError:
+        pairs = 0  # the check itself says what is wrong
+    with progress("checking", pairs) as tick:
+        findings = look(session, tick)
+    failed = any(finding.level == "failure" for finding in findings)
+    if as_json:
+        print(json.dumps({"sound": not failed, "findings": [asdict(f) for f in findings]}))
+        raise typer.Exit(1 if failed else 0)
+    for finding in findings:
+        if finding.level != "failure":
+            print(f"{finding.level:8} {finding.text}")
+    for finding in findings:
+        if finding.level == "failure":
+            raise PomologError(finding.text)
+
+
+@app.command(epilog="Example: pomolog salvage torn.mcap -o whole.mcap")
+def salvage(
+    torn: Annotated[Path, typer.Argument(metavar="TORN", help="A torn or damaged session.")],
+    out: Output,
+) -> None:
+    """Make a whole session of what a torn or damaged one still has."""
+    from recorder.salvage import salvage as save
+
+    wreck = save(torn, out)
+    print(f"{out}: {wreck.frames} frames from {wreck.chunks} complete chunks")
+    print(f"lost: {wreck.chunks_lost} damaged chunks, {wreck.bytes_lost} bytes in all")
+
+
+@imports.callback()
+def _imports() -> None:
+    """Make a session from pictures or recordings of others."""
+
+
+@imports.command(
+    epilog="Example: pomolog import frames left/ right/ --rig rig.toml --lighting front -o S.mcap"
+)
+def frames(
+    left: Annotated[Path, typer.Argument(metavar="LEFT", help="A picture, or a folder of them.")],
+    right: Annotated[Path, typer.Argument(metavar="RIGHT", help="The same of the right view.")],
+    rig: Annotated[Path, typer.Option(help="rig.toml, or an OpenCV stereo YAML.")],
+    out: Output,
+    rate: Annotated[float, typer.Option(min=1e-3, max=1e4, help="Pairs a second.")] = 1.0,
+    lighting: Annotated[str, typer.Option(help="front, back, cloudy, indoor, ...")] = "",
+    cultivar: Annotated[str, typer.Option(help="The apples' variety.")] = "",
+    site: Annotated[str, typer.Option(help="Where it was recorded.")] = "",
+) -> None:
+    """Import PNG, JPEG or WebP pictures, byte for byte; folders are paired in name order."""
+    from recorder.imports.frames import import_frames, picture_pairs
+    from recorder.progress import progress
+    from recorder.rig import load_rig
+
+    pairs = picture_pairs(left, right)
+    about = {"lighting": lighting, "cultivar": cultivar, "site": site}
+    metadata = {key: value for key, value in about.items() if value}
+    with progress("importing", len(pairs)) as tick:
+        import_frames(
+            pairs,
+            load_rig(rig),
+            out,
+            rate_hz=rate,
+            metadata={**metadata, "made_by": "import frames"},
+            tick=tick,
+        )
+    print(f"{out}: {len(pairs)} stereo pairs")
+
+
+@app.command(epilog="Example: pomolog label S.mcap --masks masks/ --apples apples.json -o T.mcap")
+def label(
+    session: SessionArgument,
+    masks: Annotated[Path, typer.Option(help="A folder with left/*.png and right/*.png.")],
+    out: Output,
+    apples: Annotated[Path | None, typer.Option(help="Centres and radii (JSON).")] = None,
+    partial: Annotated[
+        bool, typer.Option("--partial", help="Unlabelled fruit exist: score no false positives.")
+    ] = False,
+) -> None:
+    """Give a session truth: label pictures and apples, in the order of its frames."""
+    from recorder.imports.masks import MaskTruth, label_session
+    from recorder.progress import progress
+    from recorder.session import Session
+
+    truth = MaskTruth(masks, apples, partial=partial)
+    with Session(session) as opened, progress("labelling", len(opened)) as tick:
+        label_session(opened, truth, out, tick)
+        print(f"{out}: truth for {len(opened)} stereo pairs")

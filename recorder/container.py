@@ -1,0 +1,443 @@
+"""Reading MCAP files that may be torn, damaged or hostile: every size bounded, every CRC checked.
+
+The `mcap` library's readers trust a file's own numbers (a 65 KB chunk may unpack to 2 GiB, and a
+flipped bit passes unless asked about), so this walks the records itself and leaves only the
+parsing of single records to the library. Format: https://mcap.dev/spec.
+"""
+
+import heapq
+import io
+import struct
+import zlib
+from collections import Counter
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, BinaryIO, Final, cast
+
+import lz4.frame
+import numpy as np
+import numpy.typing as npt
+import zstandard
+from google.protobuf.message import DecodeError
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.records import (
+    Channel,
+    Chunk,
+    ChunkIndex,
+    Footer,
+    Header,
+    McapRecord,
+    Message,
+    MessageIndex,
+    Metadata,
+    MetadataIndex,
+    Schema,
+    Statistics,
+)
+from mcap.stream_reader import StreamReader, breakup_chunk
+
+from recorder.errors import PomologError, TornFileError
+
+MAGIC: Final = bytes((137, 77, 67, 65, 80, 48, 13, 10))
+_PREFIX: Final = struct.Struct("<BQ")  # opcode, length: before every record
+_FOOTER_BYTES: Final = _PREFIX.size + 20
+_CHUNK_PREFIX_BYTES: Final = 8 + 8 + 8 + 4 + 4  # times, size, CRC, length of the compression's name
+
+# What the parsers raise on damaged bytes, found by mutating good files.
+DAMAGE: Final = (
+    McapError, DecodeError, struct.error, ValueError, KeyError, IndexError, OverflowError,
+    EOFError, RuntimeError, MemoryError, zstandard.ZstdError,
+)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """What a file may ask of this machine's memory, in bytes."""
+
+    record: int = 256 << 20
+    chunk: int = 256 << 20  # of one chunk, unpacked
+    overlap: int = 1 << 30  # of unpacked chunks that overlap in time, held together
+
+
+DEFAULT_LIMITS: Final = Limits()
+
+
+@dataclass(frozen=True, slots=True)
+class RawMessage:
+    """One message as it lies in the file, not yet decoded."""
+
+    topic: str
+    log_ns: int
+    publish_ns: int
+    sequence: int
+    data: bytes = field(repr=False)
+
+
+@contextmanager
+def reporting_damage(path: Path, doing: str) -> Iterator[None]:
+    """Turn what parsers raise on damaged bytes into one line that names the file."""
+    try:
+        yield
+    except DAMAGE as error:
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise PomologError(
+            f"{path} is damaged ({doing}: {reason[:200]}); "
+            f"try: pomolog salvage {path} -o whole.mcap"
+        ) from None
+
+
+def open_mcap(path: Path) -> BinaryIO:
+    """Open a file and make sure that it begins as an MCAP does.
+
+    Raises:
+        PomologError: no such file, a folder, or something else than MCAP.
+    """
+    if path.is_dir():
+        raise PomologError(f"{path} is a folder, not a session; give one of the .mcap files in it")
+    try:
+        stream = path.open("rb")
+    except OSError as error:
+        raise PomologError(f"cannot read {path}: {error.strerror}; is the name right?") from None
+    start = stream.read(len(MAGIC))
+    if start == MAGIC:
+        return stream
+    stream.close()
+    if MAGIC.startswith(start):  # also an empty file: cut off before it began
+        raise TornFileError(f"{path} is empty; nothing was recorded in it")
+    raise PomologError(
+        f"{path} is not an MCAP file; import pictures with: pomolog import frames LEFT RIGHT"
+    )
+
+
+def unpack_chunk(chunk: Chunk, limits: Limits = DEFAULT_LIMITS) -> list[McapRecord]:
+    """Decompress a chunk within bounds, check its CRC, and split it into records.
+
+    Raises:
+        McapError, ValueError, zstandard.ZstdError: the chunk is damaged, or too large unpacked.
+    """
+    if chunk.uncompressed_size > limits.chunk:
+        raise McapError(
+            f"a chunk of {chunk.uncompressed_size} bytes unpacked, more than {limits.chunk}"
+        )
+    room = chunk.uncompressed_size
+    if chunk.compression == "zstd":
+        with zstandard.ZstdDecompressor().stream_reader(chunk.data) as reader:
+            unpacked = reader.read(room + 1)
+    elif chunk.compression == "lz4":
+        unpacked = lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, max_length=room + 1)
+    elif chunk.compression == "":
+        unpacked = chunk.data
+    else:
+        raise McapError(f"unknown compression {chunk.compression[:20]!r}")
+    if len(unpacked) != room:
+        raise McapError(f"a chunk unpacks to {len(unpacked)} bytes or more instead of {room}")
+    if chunk.uncompressed_crc not in (0, zlib.crc32(unpacked)):
+        raise McapError("a chunk fails its CRC")
+    plain = Chunk(
+        compression="",
+        data=unpacked,
+        message_start_time=chunk.message_start_time,
+        message_end_time=chunk.message_end_time,
+        uncompressed_crc=0,
+        uncompressed_size=room,
+    )
+    return breakup_chunk(plain)
+
+
+def read_record(stream: BinaryIO, limits: Limits = DEFAULT_LIMITS) -> tuple[int, bytes]:
+    """Read one record's opcode and body.
+
+    Raises:
+        EOFError: the file ends within the record.
+        McapError: the record is larger than the limit.
+    """
+    prefix = stream.read(_PREFIX.size)
+    if len(prefix) < _PREFIX.size:
+        raise EOFError("the file ends within a record")
+    opcode, length = _PREFIX.unpack(prefix)
+    if length > limits.record:
+        raise McapError(f"a record of {length} bytes, more than {limits.record}")
+    body = stream.read(length)
+    if len(body) < length:
+        raise EOFError("the file ends within a record")
+    return opcode, body
+
+
+def parse_chunk(body: bytes) -> Chunk:
+    """Parse a chunk record's body; every length inside is held against the body's."""
+    if len(body) < _CHUNK_PREFIX_BYTES:
+        raise McapError("a chunk record is too short")
+    chunk: Chunk = Chunk.read(ReadDataStream(io.BytesIO(body)))
+    name_bytes = len(chunk.compression.encode())
+    if _CHUNK_PREFIX_BYTES + name_bytes + 8 + len(chunk.data) != len(body):
+        raise McapError("a chunk record's lengths do not add up")
+    return chunk
+
+
+class Container:
+    """A whole MCAP file, indexed. Use it as a context manager.
+
+    Raises:
+        TornFileError: the file ends without an index.
+        PomologError: not MCAP, damaged, or beyond the limits.
+    """
+
+    def __init__(self, path: Path, limits: Limits = DEFAULT_LIMITS) -> None:
+        self.path = path
+        self.limits = limits
+        self._stream = open_mcap(path)
+        try:
+            self._size = path.stat().st_size
+            with reporting_damage(path, "its header"):
+                self.header = self._read_header()
+            with reporting_damage(path, "its index"):
+                self._read_summary()
+        except BaseException:
+            self._stream.close()
+            raise
+
+    def __enter__(self) -> "Container":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the file."""
+        self._stream.close()
+
+    def counts(self) -> dict[str, int]:
+        """Messages by topic, as the file's own statistics have them."""
+        counts: Counter[str] = Counter()
+        for channel_id, channel in self.channels.items():
+            counts[channel.topic] += self.statistics.channel_message_counts.get(channel_id, 0)
+        return dict(counts)
+
+    def schema_name(self, topic: str) -> str | None:
+        """The schema of a topic, or None where the file has no such topic."""
+        for channel in self.channels.values():
+            if channel.topic == topic:
+                schema = self.schemas.get(channel.schema_id)
+                return schema.name if schema else ""
+        return None
+
+    def times_ns(self, topic: str) -> npt.NDArray[np.int64]:
+        """The log times of one topic, sorted, from the indexes alone: no message is read.
+
+        Raises:
+            PomologError: an index is damaged, or the file was written without them.
+        """
+        wanted = {i for i, channel in self.channels.items() if channel.topic == topic}
+        times: list[int] = []
+        with reporting_damage(self.path, "its message index"):
+            for chunk_index in self._chunk_indexes:
+                for channel_id, offset in chunk_index.message_index_offsets.items():
+                    if channel_id not in wanted:
+                        continue
+                    self._stream.seek(offset)
+                    opcode, body = read_record(self._stream, self.limits)
+                    if opcode != Opcode.MESSAGE_INDEX:
+                        raise McapError("no message index where one should be")
+                    index = MessageIndex.read(ReadDataStream(io.BytesIO(body)))
+                    if index.channel_id != channel_id:
+                        raise McapError("a message index of another channel")
+                    times.extend(time for time, _ in index.records)
+            expected = self.counts().get(topic, 0)
+            if len(times) != expected:
+                raise McapError(f"{len(times)} {topic} messages indexed, {expected} counted")
+            return np.sort(np.asarray(times, np.int64))
+
+    def messages(
+        self,
+        topics: Collection[str] | None = None,
+        start_ns: int | None = None,
+        stop_ns: int | None = None,
+    ) -> Iterator[RawMessage]:
+        """Yield messages of `start_ns <= log time < stop_ns` in the order of their log times.
+
+        A run over all times is held against the file's statistics at its end.
+
+        Raises:
+            PomologError: a chunk is damaged or too large, or messages are missing.
+        """
+        with reporting_damage(self.path, "reading messages"):
+            yield from self._messages(topics, start_ns, stop_ns)
+
+    def _messages(
+        self, topics: Collection[str] | None, start_ns: int | None, stop_ns: int | None
+    ) -> Iterator[RawMessage]:
+        wanted = {
+            i for i, channel in self.channels.items() if topics is None or channel.topic in topics
+        }
+        seen: Counter[int] = Counter()
+        waiting: list[tuple[int, int, int, Message]] = []  # log time, chunk, place in chunk
+        held = 0
+        chunks = [c for c in self._chunk_indexes if self._may_hold(c, wanted, start_ns, stop_ns)]
+        for number, chunk_index in enumerate(chunks):
+            while waiting and waiting[0][0] < chunk_index.message_start_time:
+                *_, message = heapq.heappop(waiting)
+                held -= len(message.data)
+                yield self._raw(message)
+            for place, record in enumerate(self._chunk(chunk_index)):
+                if not isinstance(record, Message) or record.channel_id not in wanted:
+                    if isinstance(record, Message) and record.channel_id not in self.channels:
+                        raise McapError(f"a message of unknown channel {record.channel_id}")
+                    continue
+                seen[record.channel_id] += 1
+                if start_ns is not None and record.log_time < start_ns:
+                    continue
+                if stop_ns is not None and record.log_time >= stop_ns:
+                    continue
+                heapq.heappush(waiting, (record.log_time, number, place, record))
+                held += len(record.data)
+            if held > self.limits.overlap:
+                raise McapError(f"chunks overlap in time by more than {self.limits.overlap} bytes")
+        while waiting:
+            *_, message = heapq.heappop(waiting)
+            yield self._raw(message)
+        if start_ns is None and stop_ns is None:
+            expected = self.statistics.channel_message_counts
+            lost = sum(expected.get(i, 0) for i in wanted) - sum(seen.values())
+            if lost:
+                raise McapError(f"{abs(lost)} messages {'missing' if lost > 0 else 'too many'}")
+
+    def _raw(self, message: Message) -> RawMessage:
+        return RawMessage(
+            self.channels[message.channel_id].topic,
+            message.log_time,
+            message.publish_time,
+            message.sequence,
+            message.data,
+        )
+
+    @staticmethod
+    def _may_hold(
+        index: ChunkIndex, wanted: set[int], start_ns: int | None, stop_ns: int | None
+    ) -> bool:
+        if start_ns is not None and index.message_end_time < start_ns:
+            return False
+        if stop_ns is not None and index.message_start_time >= stop_ns:
+            return False
+        return not index.message_index_offsets or not wanted.isdisjoint(index.message_index_offsets)
+
+    def _chunk(self, index: ChunkIndex) -> list[McapRecord]:
+        self._stream.seek(index.chunk_start_offset)
+        opcode, body = read_record(self._stream, self.limits)
+        if opcode != Opcode.CHUNK:
+            raise McapError("no chunk where the index has one")
+        chunk = parse_chunk(body)
+        records = unpack_chunk(chunk, self.limits)
+        times = [record.log_time for record in records if isinstance(record, Message)]
+        if times and not (
+            index.message_start_time <= min(times) and max(times) <= index.message_end_time
+        ):
+            raise McapError("a chunk holds messages from outside its time")
+        return records
+
+    def metadata(self) -> dict[str, dict[str, str]]:
+        """Every metadata record by name; the last one of a name counts."""
+        found: dict[str, dict[str, str]] = {}
+        with reporting_damage(self.path, "its metadata"):
+            for index in self._metadata_indexes:
+                self._stream.seek(index.offset)
+                opcode, body = read_record(self._stream, self.limits)
+                if opcode != Opcode.METADATA:
+                    raise McapError("no metadata where the index has some")
+                record = Metadata.read(ReadDataStream(io.BytesIO(body)))
+                found[record.name] = dict(record.metadata)
+        return found
+
+    def verify(self) -> None:
+        """Read every byte once and hold it against every checksum that the file has.
+
+        Raises:
+            PomologError: at the first thing that does not agree.
+        """
+        with reporting_damage(self.path, "checking all of it"):
+            self._stream.seek(0)
+            reader = StreamReader(
+                self._stream,
+                validate_crcs=True,
+                emit_chunks=True,
+                record_size_limit=self.limits.record,
+            )
+            for record in reader.records:
+                if isinstance(record, Chunk):
+                    unpack_chunk(record, self.limits)
+            for _ in self._messages(None, None, None):
+                pass
+
+    def _read_header(self) -> Header:
+        opcode, body = read_record(self._stream, self.limits)
+        if opcode != Opcode.HEADER:
+            raise McapError("the first record is no header")
+        return cast("Header", Header.read(ReadDataStream(io.BytesIO(body))))
+
+    def _read_summary(self) -> None:
+        tail_bytes = _FOOTER_BYTES + len(MAGIC)
+        self._stream.seek(max(0, self._size - tail_bytes))
+        tail = self._stream.read()
+        if len(tail) < tail_bytes or not tail.endswith(MAGIC) or tail[0] != Opcode.FOOTER:
+            raise TornFileError(
+                f"{self.path} ends without an index; was recording cut off? "
+                f"try: pomolog salvage {self.path} -o whole.mcap"
+            )
+        footer = Footer.read(ReadDataStream(io.BytesIO(tail[_PREFIX.size :])))
+        start = footer.summary_start
+        length = self._size - tail_bytes - start
+        if not 0 < start < self._size or length < 0:
+            raise TornFileError(
+                f"{self.path} has no index; try: pomolog salvage {self.path} -o whole.mcap"
+            )
+        if length > self.limits.record:
+            raise McapError(f"an index of {length} bytes, more than {self.limits.record}")
+        self._stream.seek(start)
+        summary = self._stream.read(length)
+        footer_start = tail[: _PREFIX.size + 16]
+        if footer.summary_crc not in (0, zlib.crc32(footer_start, zlib.crc32(summary))):
+            raise McapError("the index fails its CRC")
+        self.schemas: dict[int, Schema] = {}
+        self.channels: dict[int, Channel] = {}
+        self._chunk_indexes: list[ChunkIndex] = []
+        self._metadata_indexes: list[MetadataIndex] = []
+        statistics: Statistics | None = None
+        for record in _records(summary):
+            if isinstance(record, Schema):
+                self.schemas[record.id] = record
+            elif isinstance(record, Channel):
+                self.channels[record.id] = record
+            elif isinstance(record, ChunkIndex):
+                self._chunk_indexes.append(record)
+            elif isinstance(record, MetadataIndex):
+                self._metadata_indexes.append(record)
+            elif isinstance(record, Statistics):
+                statistics = record
+        if statistics is None:
+            raise McapError("no statistics")
+        self.statistics = statistics
+        self._chunk_indexes.sort(key=lambda c: (c.message_start_time, c.chunk_start_offset))
+        if statistics.chunk_count != len(self._chunk_indexes):
+            raise McapError(
+                f"{len(self._chunk_indexes)} chunks indexed, {statistics.chunk_count} counted"
+            )
+
+
+_SUMMARY_RECORDS: Final[dict[int, Any]] = {
+    Opcode.SCHEMA: Schema,
+    Opcode.CHANNEL: Channel,
+    Opcode.CHUNK_INDEX: ChunkIndex,
+    Opcode.METADATA_INDEX: MetadataIndex,
+    Opcode.STATISTICS: Statistics,
+}
+
+
+def _records(summary: bytes) -> Iterator[McapRecord]:
+    stream = io.BytesIO(summary)
+    while stream.tell() < len(summary):
+        opcode, body = read_record(stream)
+        if opcode in _SUMMARY_RECORDS:
+            yield _SUMMARY_RECORDS[opcode].read(ReadDataStream(io.BytesIO(body)))

@@ -1,0 +1,1 @@
+"""Ways in: pictures, labels and recordings of others -> sessions."""

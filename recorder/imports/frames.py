@@ -1,0 +1,107 @@
+"""Pictures from two files or two folders -> a session; their bytes stay as they are."""
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Final
+
+from recorder.errors import PomologError
+from recorder.pictures import identify, verify
+from recorder.records import Frame, Side
+from recorder.rig import Rig
+from recorder.session import SessionWriter
+
+PICTURE_SUFFIXES: Final = frozenset((".png", ".jpg", ".jpeg", ".webp"))
+
+
+def picture_pairs(left: Path, right: Path) -> tuple[tuple[Path, Path], ...]:
+    """Two files, or two folders' pictures paired in name order.
+
+    Raises:
+        PomologError: nothing there, a file beside a folder, or folders of different length.
+    """
+    sides = {"LEFT": left, "RIGHT": right}
+    for name, path in sides.items():
+        if not path.exists():
+            raise PomologError(f"no {name} pictures at {path}; give a picture or a folder of them")
+    if left.is_file() and right.is_file():
+        return ((left, right),)
+    if left.is_file() != right.is_file():
+        raise PomologError(f"{left} and {right}: give two pictures, or two folders of pictures")
+    lefts, rights = pictures_in(left), pictures_in(right)
+    if len(lefts) != len(rights):
+        raise PomologError(
+            f"{len(lefts)} pictures in {left} but {len(rights)} in {right}; "
+            "they are paired in name order, so both folders need as many"
+        )
+    return tuple(zip(lefts, rights, strict=True))
+
+
+def pictures_in(folder: Path) -> tuple[Path, ...]:
+    """The pictures of a folder in name order.
+
+    Raises:
+        PomologError: there are none.
+    """
+    found = sorted(p for p in folder.iterdir() if p.suffix.lower() in PICTURE_SUFFIXES)
+    if not found:
+        raise PomologError(f"no PNG, JPEG or WebP pictures in {folder}; is it the right folder?")
+    return tuple(found)
+
+
+def import_frames(
+    pairs: tuple[tuple[Path, Path], ...],
+    rig: Rig,
+    out: Path,
+    *,
+    rate_hz: float = 1.0,
+    metadata: Mapping[str, str] | None = None,
+    tick: Callable[[], None] = lambda: None,
+) -> None:
+    """Write a session of the given picture pairs, `1 / rate_hz` seconds apart from time 0 on.
+
+    Args:
+        pairs: left and right files.
+        rig: its calibration.
+        out: the session to write.
+        rate_hz: pairs a second.
+        metadata: lighting, cultivar, site, ...
+        tick: called after each pair.
+
+    Raises:
+        PomologError: a picture is damaged or not of the rig's size, or `out` cannot be written.
+    """
+    step_ns = round(1e9 / rate_hz)
+    with SessionWriter.create(out, rig, metadata) as session:
+        for index, (left, right) in enumerate(pairs):
+            frames = [
+                _read("left", left, index * step_ns, index),
+                _read("right", right, index * step_ns, index),
+            ]
+            if frames[0].size_px != frames[1].size_px:
+                raise PomologError(
+                    f"{left} is {_size(frames[0])} px and {right} {_size(frames[1])}; "
+                    "left and right must be of one size"
+                )
+            for frame, path in zip(frames, (left, right), strict=True):
+                camera_px = rig.camera(frame.side).size_px
+                if frame.size_px != camera_px:
+                    raise PomologError(
+                        f"{path} is {_size(frame)} px, but the rig's {frame.side} camera has "
+                        f"{camera_px[0]} x {camera_px[1]}; give its own --rig"
+                    )
+                session.write_frame(frame)
+            tick()
+
+
+def _read(side: Side, path: Path, time_ns: int, sequence: int) -> Frame:
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise PomologError(f"cannot read {path}: {error.strerror}") from None
+    encoding, size_px = identify(data, str(path))
+    verify(data, str(path))
+    return Frame(side, time_ns, encoding, data, size_px, sequence)
+
+
+def _size(frame: Frame) -> str:
+    return f"{frame.size_px[0]} x {frame.size_px[1]}"

@@ -1,0 +1,112 @@
+"""Writing an MCAP of the session profile, message by message, onto an open file."""
+
+import os
+import zlib
+from collections.abc import Mapping
+from typing import Any, BinaryIO, Final
+
+from mcap.writer import CompressionType, Writer
+from mcap_protobuf.schema import build_file_descriptor_set
+
+from recorder.container import RawMessage
+from recorder.profile import PROFILE, topics_of
+
+CHUNK_BYTES: Final = 4 << 20
+
+
+class MessageWriter:
+    """Chunks of at most 4 MiB (unless one message is larger), a CRC over every byte.
+
+    Args:
+        stream: an empty file opened for writing.
+        metadata: written first as the `session` record, so that a torn file still has it.
+        raw_images: frames are raw (Bayer or BGR) instead of JPEG, PNG or WebP.
+    """
+
+    def __init__(
+        self, stream: BinaryIO, metadata: Mapping[str, str], *, raw_images: bool = False
+    ) -> None:
+        self._stream = stream
+        # JPEG and sensor noise do not compress; chunks are closed by hand, before they overflow
+        self._mcap = Writer(
+            stream,
+            chunk_size=2 * CHUNK_BYTES,
+            compression=CompressionType.NONE,
+            enable_data_crcs=True,
+        )
+        self._mcap.start(profile=PROFILE, library="pomolog")
+        images = "raw" if raw_images else "compressed"
+        self.add_metadata("session", {**metadata, "profile": PROFILE, "images": images})
+        topics = topics_of(raw_images=raw_images)
+        self._channels = {topic: self._register(topic, kind) for topic, kind in topics.items()}
+        self._sequence = dict.fromkeys(topics, 0)
+        self._pending_bytes = 0
+
+    def _register(self, topic: str, kind: Any) -> int:
+        schema_id = self._mcap.register_schema(
+            name=kind.DESCRIPTOR.full_name,
+            encoding="protobuf",
+            data=build_file_descriptor_set(kind).SerializeToString(),
+        )
+        return int(self._mcap.register_channel(topic, "protobuf", schema_id))
+
+    def write(
+        self,
+        topic: str,
+        time_ns: int,
+        data: bytes,
+        *,
+        publish_ns: int | None = None,
+        sequence: int | None = None,
+    ) -> None:
+        """Write one serialised message of a topic of the profile."""
+        if self._pending_bytes and self._pending_bytes + len(data) > CHUNK_BYTES:
+            self.flush()
+        if sequence is None:
+            sequence = self._sequence[topic]
+        self._sequence[topic] = sequence + 1
+        self._mcap.add_message(
+            self._channels[topic],
+            log_time=time_ns,
+            data=data,
+            publish_time=time_ns if publish_ns is None else publish_ns,
+            sequence=sequence & 0xFFFFFFFF,
+        )
+        self._pending_bytes += len(data)
+
+    def copy(self, message: RawMessage) -> None:
+        """Write a message of another file as it is."""
+        self.write(
+            message.topic,
+            message.log_ns,
+            message.data,
+            publish_ns=message.publish_ns,
+            sequence=message.sequence,
+        )
+
+    def add_metadata(self, name: str, entries: Mapping[str, str]) -> None:
+        """Write a metadata record with a checksum of its own: no chunk's CRC covers it."""
+        clean = {key: value for key, value in entries.items() if key != "crc32"}
+        self._mcap.add_metadata(name, {**clean, "crc32": metadata_crc(clean)})
+
+    def flush(self) -> None:
+        """End the chunk in progress and hand it to the operating system."""
+        self._mcap.flush()
+        self._pending_bytes = 0
+
+    def sync(self) -> None:
+        """Flush, and wait until the disk itself has every byte."""
+        self.flush()
+        os.fdatasync(self._stream.fileno())
+
+    def finish(self) -> None:
+        """Write the index and the footer, and wait for the disk. Nothing may follow."""
+        self._mcap.finish()
+        self._stream.flush()
+        os.fdatasync(self._stream.fileno())
+
+
+def metadata_crc(entries: Mapping[str, str]) -> str:
+    """The checksum that `add_metadata` keeps beside a record's entries."""
+    text = "\0".join(f"{key}={entries[key]}" for key in sorted(entries))
+    return f"{zlib.crc32(text.encode()):08x}"

@@ -1,0 +1,78 @@
+"""Encoded pictures: what they are before they are decoded, and decoding them."""
+
+import io
+from typing import cast
+
+import cv2
+import numpy as np
+
+from recorder.errors import PomologError
+from recorder.records import COMPRESSED, Encoding, Frame, Picture
+
+MAX_SIDE_PX = 16384  # larger than any camera on a robot; bounds what a hostile header can ask for
+
+
+def identify(data: bytes, where: str) -> tuple[Encoding, tuple[int, int]]:
+    """Read format and (width, height) from a picture's header, without decoding it.
+
+    Raises:
+        PomologError: not a PNG, JPEG or WebP picture, or absurdly large.
+    """
+    from PIL import Image, UnidentifiedImageError  # 20 ms to import; only files need it
+
+    try:
+        with Image.open(io.BytesIO(data), formats=("JPEG", "PNG", "WEBP")) as header:
+            width_px, height_px = header.size
+            encoding = cast("Encoding", (header.format or "").lower())
+    except (UnidentifiedImageError, OSError, ValueError, SyntaxError, Image.DecompressionBombError):
+        raise PomologError(f"{where} is not a PNG, JPEG or WebP picture; is it damaged?") from None
+    if max(width_px, height_px) > MAX_SIDE_PX:
+        raise PomologError(
+            f"{where} claims {width_px} x {height_px} px, more than {MAX_SIDE_PX} a side; "
+            "is it damaged?"
+        )
+    return encoding, (width_px, height_px)
+
+
+def verify(data: bytes, where: str) -> None:
+    """Decode strictly, so that a picture cut short is refused before it is kept.
+
+    OpenCV pads a truncated JPEG with grey and says nothing; Pillow does not.
+
+    Raises:
+        PomologError: the picture ends early or is damaged.
+    """
+    from PIL import Image
+
+    try:
+        with Image.open(io.BytesIO(data), formats=("JPEG", "PNG", "WEBP")) as picture:
+            picture.load()
+    except (OSError, ValueError, SyntaxError) as error:
+        raise PomologError(f"{where} cannot be decoded ({error}); is it complete?") from None
+
+
+def decode(frame: Frame) -> Picture:
+    """Decode a recorded frame to (H, W, 3) uint8 BGR.
+
+    GenICam's BayerRG8 is OpenCV's `BayerRGGB`; the older name `BayerRG` swaps red and blue.
+
+    Raises:
+        PomologError: the bytes are not the picture that they claim to be.
+    """
+    width_px, height_px = frame.size_px
+    buffer = np.frombuffer(frame.data, np.uint8)
+    where = f"the {frame.side} frame at {frame.time_ns} ns"
+    picture: Picture | None
+    if frame.encoding in COMPRESSED:
+        flags = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
+        picture = cast("Picture | None", cv2.imdecode(buffer, flags))
+    elif frame.encoding == "bayer_rggb8" and buffer.size == width_px * height_px:
+        mosaic = buffer.reshape(height_px, width_px)
+        picture = cast("Picture", cv2.cvtColor(mosaic, cv2.COLOR_BayerRGGB2BGR))
+    elif frame.encoding == "bgr8" and buffer.size == 3 * width_px * height_px:
+        picture = buffer.reshape(height_px, width_px, 3)
+    else:
+        picture = None
+    if picture is None or picture.shape != (height_px, width_px, 3):
+        raise PomologError(f"{where} is no {width_px} x {height_px} {frame.encoding} picture")
+    return picture

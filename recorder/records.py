@@ -1,0 +1,113 @@
+"""The frozen types that cross the file border: what a session is made of.
+
+Metres and nanoseconds everywhere. The frame of reference is the left camera's optical frame:
+x right, y down, z forward. Pixels are (x, y) with the centre of the first pixel at (0, 0), as
+OpenCV counts them; pictures are (height, width, 3) uint8 BGR.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+Side = Literal["left", "right"]
+SIDES: tuple[Side, Side] = ("left", "right")
+
+Encoding = Literal["jpeg", "png", "webp", "bayer_rggb8", "bgr8"]
+COMPRESSED: frozenset[Encoding] = frozenset(("jpeg", "png", "webp"))
+
+TruthPoint = Literal["centre", "surface"]
+
+Picture = npt.NDArray[np.uint8]
+"""(H, W, 3) uint8, BGR."""
+
+Labels = npt.NDArray[np.uint16]
+"""(H, W) uint16: 0 background, n = apple n (the same n in both views), 65535 counts neither way."""
+
+UNCOUNTED = 65535
+"""The label of fruit that nobody is asked to find (a row behind): neither a hit nor a mistake."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Frame:
+    """One camera's picture as it was recorded, still encoded."""
+
+    side: Side
+    time_ns: int  # of exposure, on the session's clock
+    encoding: Encoding
+    data: bytes
+    size_px: tuple[int, int]  # (width, height)
+    sequence: int = 0  # the camera's own count, where it has one
+
+
+@dataclass(frozen=True, slots=True)
+class RangeReading:
+    """One answer of the rangefinder; `range_m` is None where it answered without a distance."""
+
+    time_ns: int
+    range_m: float | None  # along the beam, from the beam's origin to the surface it meets
+    std_m: float | None  # the instrument's stated standard deviation
+    status: str  # "ok", or the instrument's own word for what went wrong
+    raw: str  # what the instrument sent, untouched
+    apple_id: int | None = None  # the apple that the operator named
+
+
+@dataclass(frozen=True, slots=True)
+class Note:
+    """A line that the operator typed."""
+
+    time_ns: int
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class AppleTruth:
+    """Where one apple really is.
+
+    `truth_point` says which distance was measured: "centre" (|centre_m|), or "surface", the front
+    of the fruit on the line of sight (|centre_m| - radius_m), as a laser or a depth camera sees it.
+    """
+
+    id: int  # the label of its pixels in both views
+    centre_m: tuple[float, float, float]
+    radius_m: float
+    left_visible: float | None = None  # fraction of its whole outline seen in the left view
+    right_visible: float | None = None
+    truth_point: TruthPoint = "centre"
+
+    @property
+    def distance_m(self) -> float:
+        """The distance from the left camera to the declared truth point."""
+        centre_range_m = float(np.linalg.norm(self.centre_m))
+        return centre_range_m - (self.radius_m if self.truth_point == "surface" else 0.0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FrameTruth:
+    """What is known of the fruit in one stereo pair.
+
+    `None` means "nobody said"; an empty tuple of apples means "there are none".
+    """
+
+    left: Labels | None = None
+    right: Labels | None = None
+    apples: tuple[AppleTruth, ...] | None = None
+    partial: bool = False  # unlabelled fruit exist: a fruit found elsewhere is no mistake
+    identified: bool = True  # False for plain masks, where label 1 only says "some apple"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StereoPair:
+    """Two frames of one moment and what else is known of that moment."""
+
+    index: int  # of the pair in its session
+    left: Frame
+    right: Frame
+    readings: tuple[RangeReading, ...] = ()
+    truth: FrameTruth | None = None
+
+    @property
+    def time_ns(self) -> int:
+        """The left frame's time, which names the pair."""
+        return self.left.time_ns

@@ -1,0 +1,440 @@
+"""The session: one recording of an orchard as one MCAP file, written and read side by side.
+
+`recorder.profile` says what lies in it; `recorder.container` reads the file and trusts nothing.
+"""
+
+from bisect import bisect_left
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, BinaryIO, Final, Self
+
+import numpy as np
+import numpy.typing as npt
+
+from recorder.container import DEFAULT_LIMITS, Container, Limits, RawMessage, reporting_damage
+from recorder.errors import PomologError
+from recorder.files import replacing
+from recorder.message_writer import MessageWriter, metadata_crc
+from recorder.pairing import pair_by_time
+from recorder.profile import (
+    IMAGE_TOPICS,
+    PROFILE,
+    RAW_IMAGE_SCHEMA,
+    RIG_TOPICS,
+    TOPICS,
+    TRUTH_TOPICS,
+    decode_frame,
+    decode_labels,
+    decode_note,
+    decode_reading,
+    decode_rig,
+    decode_transforms,
+    decode_truth,
+    encode_frame,
+    encode_note,
+    encode_reading,
+    encode_rig,
+    encode_truth,
+)
+from recorder.records import (
+    COMPRESSED,
+    SIDES,
+    Frame,
+    FrameTruth,
+    Note,
+    RangeReading,
+    Side,
+    StereoPair,
+)
+from recorder.rig import Rig
+
+DEFAULT_MAX_SKEW_NS: Final = 5_000_000  # at 300 mm/s a skew of 5 ms costs 7.5 mm at 1 m
+READING_WINDOW_NS: Final = 500_000_000  # a reading further away than this belongs to no pair
+
+
+class SessionWriter:
+    """Write a session: the rig once, then frames, readings, truth and notes as they come.
+
+    Args:
+        stream: an empty file opened for writing; `SessionWriter.create` opens one by name.
+        rig: written as calibration and transforms before the first message.
+        metadata: lighting, cultivar, site, made_by and whatever else is known.
+        raw_images: frames are raw (Bayer or BGR) instead of JPEG, PNG or WebP.
+    """
+
+    def __init__(
+        self,
+        stream: BinaryIO,
+        rig: Rig,
+        metadata: Mapping[str, str] | None = None,
+        *,
+        raw_images: bool = False,
+    ) -> None:
+        self._rig = rig
+        self._rig_written = False
+        self._raw_images = raw_images
+        known = {**(metadata or {}), "rig": rig.digest}
+        if rig.rangefinder is not None:
+            known["rangefinder_std_m"] = repr(rig.rangefinder.std_m)
+        self._out = MessageWriter(stream, known, raw_images=raw_images)
+
+    @classmethod
+    @contextmanager
+    def create(
+        cls,
+        path: Path,
+        rig: Rig,
+        metadata: Mapping[str, str] | None = None,
+        *,
+        raw_images: bool = False,
+    ) -> Iterator[Self]:
+        """Open a session by name; it appears there when all of it is on the disk.
+
+        Raises:
+            PomologError: the file cannot be written.
+        """
+        with replacing(path) as part, part.open("wb") as stream:
+            writer = cls(stream, rig, metadata, raw_images=raw_images)
+            yield writer
+            writer.finish()
+
+    def write_frame(self, frame: Frame) -> None:
+        """Write a frame; its bytes stay as they are.
+
+        Raises:
+            PomologError: its size is not the calibration's, or raw and compressed are mixed.
+        """
+        size_px = self._rig.camera(frame.side).size_px
+        if frame.size_px != size_px:
+            raise PomologError(
+                f"a {frame.side} picture of {frame.size_px[0]} x {frame.size_px[1]} px, but the "
+                f"rig's {frame.side} camera has {size_px[0]} x {size_px[1]}; is it the right rig?"
+            )
+        if (frame.encoding not in COMPRESSED) != self._raw_images:
+            raise PomologError("raw and compressed frames cannot be mixed in one session")
+        topic = IMAGE_TOPICS[frame.side]
+        self._write(topic, frame.time_ns, encode_frame(frame), frame.sequence)
+
+    def write_reading(self, reading: RangeReading) -> None:
+        """Write an answer of the rangefinder."""
+        self._write("/rangefinder", reading.time_ns, encode_reading(reading))
+
+    def write_truth(self, time_ns: int, truth: FrameTruth) -> None:
+        """Write what is known of the fruit in the pair of that (left frame's) time."""
+        for topic, message in encode_truth(time_ns, truth):
+            self._write(topic, time_ns, message)
+
+    def write_note(self, note: Note) -> None:
+        """Write a line that the operator typed."""
+        self._write("/notes", note.time_ns, encode_note(note))
+
+    def _write(self, topic: str, time_ns: int, message: Any, sequence: int | None = None) -> None:
+        if not self._rig_written:
+            self._rig_written = True
+            for rig_topic, rig_message in encode_rig(self._rig, time_ns):
+                self._out.write(rig_topic, time_ns, rig_message.SerializeToString())
+            self._out.flush()  # a small first chunk with schemas and rig: little to lose it by
+        self._out.write(topic, time_ns, message.SerializeToString(), sequence=sequence)
+
+    def sync(self) -> None:
+        """Wait until the disk has everything written so far."""
+        self._out.sync()
+
+    def finish(self, ledger: Mapping[str, str] | None = None) -> None:
+        """Write the recorder's final counts, where it kept any, and the index."""
+        if ledger:
+            self._out.add_metadata("ledger", ledger)
+        self._out.finish()
+
+
+@dataclass(frozen=True, slots=True)
+class SessionInfo:
+    """What a session holds, from its index alone."""
+
+    profile: str
+    frames: int  # pictures of both views
+    pairs: int
+    topics: dict[str, int]
+    start_ns: int | None
+    end_ns: int | None
+    metadata: dict[str, str]
+    ledger: dict[str, str]
+    whole: bool
+
+
+class Session:
+    """A session opened for reading, in bounded memory. Use it as a context manager.
+
+    Args:
+        path: the session's file.
+        limits: what the file may ask of this machine's memory.
+
+    Attributes:
+        metadata: the `session` record without its checksum.
+        ledger: the recorder's final counts, empty where none were kept.
+
+    Raises:
+        TornFileError: the recording was cut off; `pomolog salvage` makes it whole.
+        PomologError: no session, damaged, or of a newer profile.
+    """
+
+    def __init__(self, path: Path, limits: Limits = DEFAULT_LIMITS) -> None:
+        self.path = path
+        self._container = Container(path, limits)
+        self._rig: Rig | None = None
+        try:
+            records = self._container.metadata()
+            self.metadata = _checked_metadata(path, records.get("session"))
+            self.ledger = _checked_metadata(path, records.get("ledger", {}))
+            self._check_profile()
+            self._image_times = {
+                side: self._container.times_ns(topic) for side, topic in IMAGE_TOPICS.items()
+            }
+            with reporting_damage(path, "its metadata"):
+                max_skew_ns = int(self.metadata.get("max_skew_ns", DEFAULT_MAX_SKEW_NS))
+            self._pairs = pair_by_time(
+                self._image_times["left"], self._image_times["right"], max_skew_ns
+            )
+        except BaseException:
+            self.close()
+            raise
+
+    def _check_profile(self) -> None:
+        profile = self.metadata.get("profile", "")
+        if profile == PROFILE:
+            return
+        if profile.startswith("pomolog/"):
+            raise PomologError(
+                f"{self.path} has profile {profile}, newer than this pomolog's {PROFILE}; "
+                "update with: pip install --upgrade pomolog"
+            )
+        raise PomologError(
+            f"{self.path} is an MCAP file but no pomolog session "
+            f"(topics: {', '.join(sorted(self._container.counts())[:8]) or 'none'})"
+        )
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the file."""
+        self._container.close()
+
+    def __len__(self) -> int:
+        """The number of stereo pairs."""
+        return len(self._pairs)
+
+    @property
+    def name(self) -> str:
+        """The file's name without its ending."""
+        return self.path.stem
+
+    @property
+    def rig(self) -> Rig:
+        """The rig that the session was recorded with.
+
+        Raises:
+            PomologError: there is no calibration, or it is none that a rig can have.
+        """
+        if self._rig is None:
+            self._rig = self._read_rig()
+        return self._rig
+
+    def info(self) -> SessionInfo:
+        """Counts and times, from the index."""
+        counts = {topic: n for topic, n in self._container.counts().items() if n}
+        statistics = self._container.statistics
+        return SessionInfo(
+            profile=self.metadata["profile"],
+            frames=sum(counts.get(topic, 0) for topic in IMAGE_TOPICS.values()),
+            pairs=len(self),
+            topics=counts,
+            start_ns=statistics.message_start_time if counts else None,
+            end_ns=statistics.message_end_time if counts else None,
+            metadata=self.metadata,
+            ledger=self.ledger,
+            whole=True,
+        )
+
+    def times_ns(self, side: Side) -> npt.NDArray[np.int64]:
+        """The (N,) sorted times of one camera's frames, paired or not."""
+        return self._image_times[side]
+
+    def pair_times_ns(self) -> npt.NDArray[np.int64]:
+        """The (P, 2) left and right times of every stereo pair."""
+        left, right = (self._image_times[side][self._pairs[:, i]] for i, side in enumerate(SIDES))
+        return np.column_stack([left, right])
+
+    def pairs(self, start: int = 0, stop: int | None = None) -> Iterator[StereoPair]:
+        """Yield stereo pairs `start` to `stop` (not included) in time order.
+
+        Raises:
+            PomologError: a view has no frames at all, or the file is damaged.
+        """
+        self._require_both_views()
+        times = self.pair_times_ns()
+        stop = len(times) if stop is None else min(stop, len(times))
+        if start >= stop:
+            return
+        whole = start == 0 and stop == len(times)
+        window = (None, None) if whole else (
+            int(times[start].min()) - READING_WINDOW_NS,
+            int(times[stop - 1].max()) + READING_WINDOW_NS + 1,
+        )  # fmt: skip
+        with reporting_damage(self.path, "reading its messages"):
+            yield from self._assemble(times, start, stop, window)
+
+    def _assemble(
+        self,
+        times: npt.NDArray[np.int64],
+        start: int,
+        stop: int,
+        window: tuple[int | None, int | None],
+    ) -> Iterator[StereoPair]:
+        """Gather each pair's messages as they pass; a pair is whole once its window is over."""
+        topics = {*IMAGE_TOPICS.values(), *TRUTH_TOPICS, "/rangefinder"}
+        frame_of = {
+            (topic, int(times[i, column])): i
+            for column, side in enumerate(SIDES)
+            for topic in (IMAGE_TOPICS[side], f"/truth/{side}")
+            for i in range(start, stop)
+        } | {("/truth/apples", int(times[i, 0])): i for i in range(start, stop)}
+        lefts = times[:, 0].tolist()
+        found: dict[int, dict[str, RawMessage]] = {}
+        readings: dict[int, list[RangeReading]] = {}
+        due = start
+        for message in self._container.messages(topics, *window):
+            while due < stop and message.log_ns > int(times[due].max()) + READING_WINDOW_NS:
+                yield self._pair(due, found.pop(due, {}), readings.pop(due, []))
+                due += 1
+            if message.topic == "/rangefinder":
+                nearest = _nearest_place(lefts, message.log_ns)
+                if abs(lefts[nearest] - message.log_ns) <= READING_WINDOW_NS:
+                    readings.setdefault(nearest, []).append(decode_reading(message))
+                continue
+            index = frame_of.get((message.topic, message.log_ns))
+            if index is not None:
+                found.setdefault(index, {}).setdefault(message.topic, message)
+        for index in range(due, stop):
+            yield self._pair(index, found.pop(index, {}), readings.pop(index, []))
+
+    def _pair(
+        self, index: int, found: Mapping[str, RawMessage], readings: Sequence[RangeReading]
+    ) -> StereoPair:
+        missing = [topic for topic in IMAGE_TOPICS.values() if topic not in found]
+        if missing:
+            raise PomologError(
+                f"{self.path} is damaged (its index has a {missing[0]} for pair {index} that is "
+                f"not there); try: pomolog salvage {self.path} -o whole.mcap"
+            )
+        left, right = (
+            self._frame(side, found[topic], index) for side, topic in IMAGE_TOPICS.items()
+        )
+        return StereoPair(index, left, right, tuple(readings), self._truth(found))
+
+    def _frame(self, side: Side, message: RawMessage, index: int) -> Frame:
+        frame = decode_frame(side, message, self._container.schema_name(message.topic) or "")
+        wanted = self.rig.camera(side).size_px
+        if frame.size_px != wanted:
+            raise PomologError(
+                f"the {side} picture of pair {index} in {self.path} is {frame.size_px[0]} x "
+                f"{frame.size_px[1]} px, its calibration {wanted[0]} x {wanted[1]}; "
+                "import it again with the right --rig"
+            )
+        return frame
+
+    def _truth(self, found: Mapping[str, RawMessage]) -> FrameTruth | None:
+        if not any(topic in found for topic in TRUTH_TOPICS):
+            return None
+        left, right = (
+            decode_labels(found[topic], self.rig.camera(side).size_px) if topic in found else None
+            for side in SIDES
+            for topic in (f"/truth/{side}",)
+        )
+        if "/truth/apples" not in found:
+            return FrameTruth(left, right)
+        return decode_truth(found["/truth/apples"], left, right)
+
+    def readings(self) -> Iterator[RangeReading]:
+        """Every answer of the rangefinder, near a pair or not."""
+        with reporting_damage(self.path, "its readings"):
+            for message in self._container.messages(("/rangefinder",)):
+                yield decode_reading(message)
+
+    def notes(self) -> Iterator[Note]:
+        """The operator's notes."""
+        with reporting_damage(self.path, "its notes"):
+            for message in self._container.messages(("/notes",)):
+                yield decode_note(message)
+
+    def messages(self) -> Iterator[RawMessage]:
+        """Every message of the profile's topics as it lies there, in time order."""
+        return self._container.messages(tuple(TOPICS))
+
+    @property
+    def raw_images(self) -> bool:
+        """Whether the frames are raw (Bayer or BGR)."""
+        return self._container.schema_name("/left/image") == RAW_IMAGE_SCHEMA
+
+    def verify(self) -> None:
+        """Hold every byte against every checksum, and decode nothing.
+
+        Raises:
+            PomologError: at the first thing that does not agree.
+        """
+        self._container.verify()
+
+    def _require_both_views(self) -> None:
+        counts = {side: len(self._image_times[side]) for side in SIDES}
+        for side in SIDES:
+            if counts[side] == 0:
+                raise PomologError(
+                    f"no {IMAGE_TOPICS[side]} among the {sum(counts.values())} frames of "
+                    f"{self.path}; were both cameras recorded?"
+                )
+        if len(self._pairs) == 0:
+            raise PomologError(
+                f"no left and right frames of one time in {self.path}; "
+                f"see their gaps with: pomolog check {self.path}"
+            )
+
+    def _read_rig(self) -> Rig:
+        with reporting_damage(self.path, "its calibration"):
+            found = list(self._container.messages(RIG_TOPICS))
+            calibrations = {m.topic: m for m in reversed(found) if m.topic != "/tf"}
+            transforms = decode_transforms([m for m in found if m.topic == "/tf"])
+            missing = [topic for topic in RIG_TOPICS[:2] if topic not in calibrations]
+            missing += ["/tf of the right camera"] if "right" not in transforms else []
+            if missing:
+                raise PomologError(
+                    f"no {missing[0]} in {self.path}; import its pictures again with --rig rig.toml"
+                )
+            std_m = float(self.metadata.get("rangefinder_std_m", "0.001"))
+            return decode_rig(calibrations, transforms, std_m)
+
+
+def read_info(path: Path) -> SessionInfo:
+    """What a session holds; opens and closes it."""
+    with Session(path) as session:
+        return session.info()
+
+
+def _nearest_place(sorted_times: Sequence[int], time_ns: int) -> int:
+    after = bisect_left(sorted_times, time_ns)
+    candidates = [i for i in (after - 1, after) if 0 <= i < len(sorted_times)]
+    return min(candidates, key=lambda i: abs(sorted_times[i] - time_ns))
+
+
+def _checked_metadata(path: Path, entries: Mapping[str, str] | None) -> dict[str, str]:
+    plain = {key: value for key, value in (entries or {}).items() if key != "crc32"}
+    if entries and "crc32" in entries and entries["crc32"] != metadata_crc(plain):
+        raise PomologError(
+            f"{path} is damaged (its metadata fails its CRC); "
+            f"try: pomolog salvage {path} -o whole.mcap"
+        )
+    return plain

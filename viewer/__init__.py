@@ -1,0 +1,1 @@
+"""Results and sessions before the eyes."""
