@@ -115,7 +115,9 @@ def frames(
     rig: Annotated[Path, typer.Option(help="rig.toml, or an OpenCV stereo YAML.")],
     out: Output,
     rate: Annotated[float, typer.Option(min=1e-3, max=1e4, help="Pairs a second.")] = 1.0,
-    lighting: Annotated[str, typer.Option(help="front, back, cloudy, indoor, ...")] = "",
+    lighting: Annotated[
+        str, typer.Option(help="front, back, cloudy, indoor, ...; or one a pair: front,back,...")
+    ] = "",
     cultivar: Annotated[str, typer.Option(help="The apples' variety.")] = "",
     site: Annotated[str, typer.Option(help="Where it was recorded.")] = "",
 ) -> None:
@@ -125,7 +127,7 @@ def frames(
     from recorder.rig import load_rig
 
     pairs = picture_pairs(left, right)
-    about = {"lighting": lighting, "cultivar": cultivar, "site": site}
+    about = {"cultivar": cultivar, "site": site}
     metadata = {key: value for key, value in about.items() if value}
     with progress("importing", len(pairs)) as tick:
         import_frames(
@@ -134,6 +136,7 @@ def frames(
             out,
             rate_hz=rate,
             metadata={**metadata, "made_by": "import frames"},
+            lighting=lighting.split(",") if lighting else (),
             tick=tick,
         )
     print(f"{out}: {len(pairs)} stereo pairs")

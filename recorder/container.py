@@ -5,6 +5,7 @@ flipped bit passes unless asked about), so this walks the records itself and lea
 parsing of single records to the library. Format: https://mcap.dev/spec.
 """
 
+import hashlib
 import heapq
 import io
 import struct
@@ -45,6 +46,7 @@ from recorder.errors import PomologError, TornFileError
 MAGIC: Final = bytes((137, 77, 67, 65, 80, 48, 13, 10))
 _PREFIX: Final = struct.Struct("<BQ")  # opcode, length: before every record
 _FOOTER_BYTES: Final = _PREFIX.size + 20
+_DATA_END_BYTES: Final = _PREFIX.size + 4
 _CHUNK_PREFIX_BYTES: Final = 8 + 8 + 8 + 4 + 4  # times, size, CRC, length of the compression's name
 
 # What the parsers raise on damaged bytes, found by mutating good files.
@@ -389,14 +391,16 @@ class Container:
         footer = Footer.read(ReadDataStream(io.BytesIO(tail[_PREFIX.size :])))
         start = footer.summary_start
         length = self._size - tail_bytes - start
-        if not 0 < start < self._size or length < 0:
+        if not _DATA_END_BYTES < start < self._size or length < 0:
             raise TornFileError(
                 f"{self.path} has no index; try: pomolog salvage {self.path} -o whole.mcap"
             )
         if length > self.limits.record:
             raise McapError(f"an index of {length} bytes, more than {self.limits.record}")
-        self._stream.seek(start)
+        self._stream.seek(start - _DATA_END_BYTES)  # the CRC over all data stands before the index
+        data_end = self._stream.read(_DATA_END_BYTES)
         summary = self._stream.read(length)
+        self.fingerprint = hashlib.sha256(data_end + summary).hexdigest()[:16]
         footer_start = tail[: _PREFIX.size + 16]
         if footer.summary_crc not in (0, zlib.crc32(footer_start, zlib.crc32(summary))):
             raise McapError("the index fails its CRC")

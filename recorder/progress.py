@@ -5,8 +5,8 @@ from contextlib import contextmanager
 
 
 @contextmanager
-def progress(what: str, total: int) -> Iterator[Callable[[], None]]:
-    """Give a function to call after each of `total` steps."""
+def progress(what: str, total: int) -> Iterator[Callable[..., None]]:
+    """Give a function to call after each of `total` steps, or with a number of them."""
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
     from rich.progress import TimeRemainingColumn as TimeLeft
@@ -24,8 +24,8 @@ def progress(what: str, total: int) -> Iterator[Callable[[], None]]:
     ) as bar:
         task = bar.add_task(what, total=total, rate="")
 
-        def tick() -> None:
-            bar.advance(task)
+        def tick(steps: int = 1) -> None:
+            bar.advance(task, steps)
             speed = bar.tasks[task].speed
             bar.update(task, rate=f"{speed:.1f}/s" if speed else "")
 

@@ -5,7 +5,8 @@ x right, y down, z forward. Pixels are (x, y) with the centre of the first pixel
 OpenCV counts them; pictures are (height, width, 3) uint8 BGR.
 """
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -55,10 +56,16 @@ class RangeReading:
 
 @dataclass(frozen=True, slots=True)
 class Note:
-    """A line that the operator typed."""
+    """A line that the operator typed; `key=value` sets a condition from then on."""
 
     time_ns: int
     text: str
+
+    @property
+    def condition(self) -> tuple[str, str] | None:
+        """The key and value that the note sets, or None: it is only a remark."""
+        key, sign, value = (part.strip() for part in self.text.partition("="))
+        return (key, value) if sign and key.isidentifier() and value else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,6 +113,7 @@ class StereoPair:
     right: Frame
     readings: tuple[RangeReading, ...] = ()
     truth: FrameTruth | None = None
+    conditions: Mapping[str, str] = field(default_factory=dict)  # lighting, cultivar, ... by then
 
     @property
     def time_ns(self) -> int:

@@ -53,6 +53,9 @@ from recorder.rig import Rig
 DEFAULT_MAX_SKEW_NS: Final = 5_000_000  # at 300 mm/s a skew of 5 ms costs 7.5 mm at 1 m
 READING_WINDOW_NS: Final = 500_000_000  # a reading further away than this belongs to no pair
 
+# metadata that says how the file is made, not what was recorded
+NOT_CONDITIONS: Final = frozenset(("profile", "images", "rig", "rangefinder_std_m", "max_skew_ns"))
+
 
 class SessionWriter:
     """Write a session: the rig once, then frames, readings, truth and notes as they come.
@@ -184,6 +187,7 @@ class Session:
         self.path = path
         self._container = Container(path, limits)
         self._rig: Rig | None = None
+        self._set_by_notes: list[tuple[int, tuple[str, str]]] | None = None
         try:
             records = self._container.metadata()
             self.metadata = _checked_metadata(path, records.get("session"))
@@ -245,6 +249,11 @@ class Session:
             self._rig = self._read_rig()
         return self._rig
 
+    @property
+    def fingerprint(self) -> str:
+        """A short hash that changes when anything in the file does: its CRCs and its index."""
+        return self._container.fingerprint
+
     def info(self) -> SessionInfo:
         """Counts and times, from the index."""
         counts = {topic: n for topic, n in self._container.counts().items() if n}
@@ -276,7 +285,7 @@ class Session:
         Raises:
             PomologError: a view has no frames at all, or the file is damaged.
         """
-        self._require_both_views()
+        self.require_pairs()
         times = self.pair_times_ns()
         stop = len(times) if stop is None else min(stop, len(times))
         if start >= stop:
@@ -335,7 +344,17 @@ class Session:
         left, right = (
             self._frame(side, found[topic], index) for side, topic in IMAGE_TOPICS.items()
         )
-        return StereoPair(index, left, right, tuple(readings), self._truth(found))
+        conditions = self._conditions(left.time_ns)
+        return StereoPair(index, left, right, tuple(readings), self._truth(found), conditions)
+
+    def _conditions(self, time_ns: int) -> dict[str, str]:
+        """What the metadata says of the session, and the notes since then."""
+        if self._set_by_notes is None:
+            self._set_by_notes = [
+                (note.time_ns, note.condition) for note in self.notes() if note.condition
+            ]
+        said = {k: v for k, v in self.metadata.items() if k not in NOT_CONDITIONS}
+        return said | dict(pair for set_ns, pair in self._set_by_notes if set_ns <= time_ns)
 
     def _frame(self, side: Side, message: RawMessage, index: int) -> Frame:
         frame = decode_frame(side, message, self._container.schema_name(message.topic) or "")
@@ -389,7 +408,12 @@ class Session:
         """
         self._container.verify()
 
-    def _require_both_views(self) -> None:
+    def require_pairs(self) -> None:
+        """Make sure that there is something to replay.
+
+        Raises:
+            PomologError: a view has no frames, or no two frames are of one time.
+        """
         counts = {side: len(self._image_times[side]) for side in SIDES}
         for side in SIDES:
             if counts[side] == 0:

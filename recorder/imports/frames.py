@@ -1,12 +1,12 @@
 """Pictures from two files or two folders -> a session; their bytes stay as they are."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
 from recorder.errors import PomologError
 from recorder.pictures import identify, verify
-from recorder.records import Frame, Side
+from recorder.records import Frame, Note, Side
 from recorder.rig import Rig
 from recorder.session import SessionWriter
 
@@ -55,6 +55,7 @@ def import_frames(
     *,
     rate_hz: float = 1.0,
     metadata: Mapping[str, str] | None = None,
+    lighting: Sequence[str] = (),
     tick: Callable[[], None] = lambda: None,
 ) -> None:
     """Write a session of the given picture pairs, `1 / rate_hz` seconds apart from time 0 on.
@@ -64,15 +65,26 @@ def import_frames(
         rig: its calibration.
         out: the session to write.
         rate_hz: pairs a second.
-        metadata: lighting, cultivar, site, ...
+        metadata: cultivar, site, ...
+        lighting: nothing, one word for all pairs, or one a pair; a change is kept as a note.
         tick: called after each pair.
 
     Raises:
-        PomologError: a picture is damaged or not of the rig's size, or `out` cannot be written.
+        PomologError: a picture is damaged or not of the rig's size, `out` cannot be written, or
+            there are as many words for the light as neither one nor the pairs.
     """
+    if len(lighting) not in (0, 1, len(pairs)):
+        raise PomologError(
+            f"{len(lighting)} words for the lighting of {len(pairs)} pairs; give one, or one a pair"
+        )
+    metadata = dict(metadata or {})
+    if len(set(lighting)) == 1:
+        metadata["lighting"] = lighting[0]
     step_ns = round(1e9 / rate_hz)
     with SessionWriter.create(out, rig, metadata) as session:
         for index, (left, right) in enumerate(pairs):
+            if len(set(lighting)) > 1 and (index == 0 or lighting[index] != lighting[index - 1]):
+                session.write_note(Note(index * step_ns, f"lighting={lighting[index]}"))
             frames = [
                 _read("left", left, index * step_ns, index),
                 _read("right", right, index * step_ns, index),

@@ -1,0 +1,105 @@
+"""The processor's commands: replay and score."""
+
+import json
+import os
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from recorder.errors import PomologError
+
+app = typer.Typer(
+    add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)  # fmt: skip
+
+
+@app.callback()
+def _processor() -> None:
+    """Replay sessions through the locator, and score what it found."""
+
+
+@app.command(epilog="Example: pomolog replay sessions/demo.mcap -o results --method paper")
+def replay(
+    sessions: Annotated[list[Path], typer.Argument(metavar="S...", help="Sessions (.mcap).")],
+    out: Annotated[Path, typer.Option("--out", "-o", help="Folder for the results.")],
+    method: Annotated[str, typer.Option(help="A named method, or a .toml file.")] = "paper",
+    workers: Annotated[int, typer.Option(min=0, help="Processes; 0 is one a core.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Of every random number.")] = 0,
+    rrd: Annotated[str, typer.Option(help="full: draw recordings; none: rows only.")] = "full",
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+) -> None:
+    """Run a locator on sessions and keep every intermediate; run again, it goes on."""
+    from processor.methods import load_method
+    from processor.replay import replay as run
+    from recorder.progress import progress
+
+    if rrd not in ("full", "none"):
+        raise typer.BadParameter("full or none", param_hint="--rrd")
+    name, locator = load_method(method)
+    total = _count_pairs(sessions)
+    done, errors = [], []
+    with progress("replaying", total) as tick:
+        for outcome in run(
+            sessions,
+            out,
+            locator,
+            method=name,
+            seed=seed,
+            workers=workers or os.cpu_count() or 1,
+            rrd="full" if rrd == "full" else "none",
+            tick=tick,
+        ):
+            if isinstance(outcome, PomologError):
+                errors.append(outcome)
+            else:
+                done.append(outcome)
+    if as_json:
+        rows = [
+            {"session": str(r.session), "out": str(r.out), "pairs": r.pairs, "seconds": r.seconds}
+            for r in done
+        ]
+        print(json.dumps({"sessions": rows}, indent=2))
+    else:
+        for r in done:
+            how = "there already" if r.resumed else f"{r.seconds:.1f} s"
+            print(f"{r.session}: {r.pairs} pairs -> {r.out} ({how})")
+    if errors:
+        for error in errors[:-1]:
+            typer.echo(f"pomolog: {' '.join(str(error).split())}", err=True)
+        raise errors[-1]
+
+
+def _count_pairs(sessions: list[Path]) -> int:
+    """For the progress bar; a session that cannot be opened says so when its turn comes."""
+    from recorder.session import read_info
+
+    total = 0
+    for path in sessions:
+        try:
+            total += read_info(path).pairs
+        except PomologError:
+            continue
+    return total
+
+
+@app.command(epilog="Example: pomolog score results --by lighting")
+def score(
+    out: Annotated[list[Path], typer.Argument(metavar="OUT...", help="Folders of results.")],
+    by: Annotated[str, typer.Option(help="Group by this metadata key: lighting, ...")] = "",
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+) -> None:
+    """Hits, false positives, matches and distance errors of a run, from its counts."""
+    from processor.runs import find_runs, score_runs
+
+    groups = score_runs(find_runs(out), by)
+    if as_json:
+        print(json.dumps({"groups": {name: asdict(s) for name, s in groups.items()}}, indent=2))
+        return
+    from rich.console import Console
+
+    from processor.tables import score_table
+
+    Console().print(score_table(groups))

@@ -1,0 +1,331 @@
+"""Hold a trace against the truth and count: pixels, fruit, matches, and each apple's error.
+
+The counting rules, which the score only sums: truth discs are the apples' projected spheres; a
+circle finds an apple where their IoU is at least a half, one to one; apples less than a tenth
+visible and fruit labelled 65535 count neither way.
+"""
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+from scipy.optimize import linear_sum_assignment
+
+from processor.trace import Apple, Circles, Fruit, Mask, Trace
+from recorder.records import SIDES, UNCOUNTED, FrameTruth, Labels, Side
+from recorder.rectify import Rectification
+
+LEAST_IOU = 0.5
+LEAST_VISIBLE = 0.1  # of an apple that counts as one to be found
+LEAST_VISIBLE_TO_MATCH = 0.5  # in both views, of an apple that counts as one to be matched
+
+Floats = npt.NDArray[np.float64]
+Verdict = Literal["right", "wrong", "missed"]
+
+
+@dataclass(frozen=True, slots=True)
+class Counts:
+    """True and false positives and false negatives; `fp` is None where nobody can know."""
+
+    tp: int
+    fp: int | None
+    fn: int
+
+
+@dataclass(frozen=True, slots=True)
+class AppleVerdict:
+    """What became of one true apple.
+
+    Attributes:
+        apple_id: its id.
+        distance_m: to its declared truth point.
+        left_visible: fraction of its outline seen; None where nobody said.
+        right_visible: the same in the right view.
+        found_left: a circle of the left view finds it.
+        found_right: the same in the right view.
+        match: whether its circles were matched; None where it need not be.
+        error_m: estimated minus true distance; None unless its own two circles were matched.
+    """
+
+    apple_id: int
+    distance_m: float | None
+    left_visible: float | None
+    right_visible: float | None
+    found_left: bool
+    found_right: bool
+    match: Verdict | None
+    error_m: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class FrameCounts:
+    """One frame's counts; None where the truth does not say enough to count.
+
+    Attributes:
+        pixels: of the recognised masks, both views.
+        pixels_cleaned: of the cleaned masks.
+        fruit: of the circles, both views.
+        apples: one a true apple that counts; empty where none are known.
+        found_left: for each fruit of the left view the apple that it finds.
+        found_right: the same of the right view.
+    """
+
+    pixels: Counts | None = None
+    pixels_cleaned: Counts | None = None
+    fruit: Counts | None = None
+    apples: tuple[AppleVerdict, ...] = ()
+    found_left: tuple[int | None, ...] = ()
+    found_right: tuple[int | None, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Discs:
+    """The true apples of one view.
+
+    Attributes:
+        ids: their ids.
+        circles: (N, 3) x, y, radius in rectified pixels.
+        visible: (N,) fraction seen; NaN where nobody said.
+    """
+
+    ids: tuple[int, ...]
+    circles: Floats
+    visible: Floats
+
+    @property
+    def wanted(self) -> npt.NDArray[np.bool_]:
+        """(N,) which of them should be found."""
+        return ~(self.visible < LEAST_VISIBLE)
+
+
+def count_frame(
+    trace: Trace, truth: FrameTruth | None, rectification: Rectification
+) -> FrameCounts:
+    """Count one frame; without truth everything is None or empty."""
+    if truth is None:
+        return FrameCounts()
+    labels = {
+        side: None if picture is None else rectification.view(side).labels(picture)
+        for side, picture in zip(SIDES, (truth.left, truth.right), strict=True)
+    }
+    pixels = _sum(
+        count_pixels(trace.view(s).recognition.mask, picture, partial=truth.partial)
+        for s, picture in labels.items()
+        if picture is not None
+    )
+    cleaned = _sum(
+        count_pixels(trace.view(s).cleaning.mask, picture, partial=truth.partial)
+        for s, picture in labels.items()
+        if picture is not None
+    )
+    discs: dict[Side, Discs] = {}
+    for side in SIDES:
+        seen = true_discs(truth, side, labels[side], rectification)
+        if seen is None:
+            return FrameCounts(pixels, cleaned)
+        discs[side] = seen
+    found = {side: find(trace.view(side).circles, discs[side]) for side in SIDES}
+    fruit = _sum(
+        count_fruit(trace.view(s).circles.fruit, found[s], discs[s], labels[s], truth.partial)
+        for s in SIDES
+    )
+    verdicts = _verdicts(trace.apples, truth, discs, found)
+    named = (
+        tuple(None if j is None else discs[side].ids[j] for j in found[side]) for side in SIDES
+    )
+    return FrameCounts(pixels, cleaned, fruit, verdicts, *named)
+
+
+def count_pixels(mask: Mask, labels: Labels, *, partial: bool = False) -> Counts:
+    """Hits, false positives and false negatives of a mask, as Table 1 has them."""
+    fruit = (labels > 0) & (labels < UNCOUNTED)
+    marked = mask > 0
+    tp = int(np.count_nonzero(marked & fruit))
+    fn = int(np.count_nonzero(fruit)) - tp
+    fp = int(np.count_nonzero(marked & (labels == 0)))
+    return Counts(tp, None if partial else fp, fn)
+
+
+def true_discs(
+    truth: FrameTruth, side: Side, labels: Labels | None, rectification: Rectification
+) -> Discs | None:
+    """The truth discs of a view, from the apples' spheres, or else from labels that name apples.
+
+    Returns:
+        None where the truth says nothing about single apples.
+    """
+    if truth.apples is not None:
+        centres = np.array([a.centre_m for a in truth.apples]).reshape(-1, 3)
+        radii = np.array([a.radius_m for a in truth.apples])
+        depths = (centres @ rectification.left.rotation.T)[:, 2]
+        ahead = depths > 0.05  # nearer or behind the camera there is no disc
+        places = rectification.project(side, centres)
+        circles = np.column_stack([places, rectification.focal_px * radii / depths])
+        said = [a.left_visible if side == "left" else a.right_visible for a in truth.apples]
+        visible = np.array([np.nan if v is None else v for v in said], float)
+        visible[~ahead] = 0.0
+        if labels is not None:
+            visible = _seen(visible, truth, circles, labels)
+        circles[~ahead] = 0.0
+        return Discs(tuple(a.id for a in truth.apples), circles, visible)
+    if labels is None or not truth.identified:
+        return None
+    ids = [i for i in np.unique(labels).tolist() if 0 < i < UNCOUNTED]
+    circles = np.array([_enclosing(labels == i) for i in ids]).reshape(-1, 3)
+    return Discs(tuple(ids), circles, np.full(len(ids), np.nan))
+
+
+def _seen(visible: Floats, truth: FrameTruth, circles: Floats, labels: Labels) -> Floats:
+    """Fill in what nobody said: labelled pixels over the disc's area."""
+    counts = np.bincount(labels.ravel(), minlength=UNCOUNTED + 1)
+    pixels = np.array([counts[a.id] for a in truth.apples or ()], float)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = np.minimum(pixels / (math.pi * circles[:, 2] ** 2), 1.0)
+    return np.where(np.isnan(visible), share, visible)
+
+
+def _enclosing(mask: npt.NDArray[np.bool_]) -> tuple[float, float, float]:
+    points = cv2.findNonZero(mask.astype(np.uint8))
+    (x, y), radius = cv2.minEnclosingCircle(points)
+    return x, y, radius
+
+
+def disc_iou(circles: Floats, others: Floats) -> Floats:
+    """(N, M) intersection over union of (N, 3) and (M, 3) discs x, y, radius."""
+    r, s = circles[:, None, 2], others[None, :, 2]
+    d = np.linalg.norm(circles[:, None, :2] - others[None, :, :2], axis=2)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        a = np.arccos(np.clip((d**2 + r**2 - s**2) / (2 * d * r), -1, 1))
+        b = np.arccos(np.clip((d**2 + s**2 - r**2) / (2 * d * s), -1, 1))
+        lens = r**2 * (a - np.sin(2 * a) / 2) + s**2 * (b - np.sin(2 * b) / 2)
+    inside = d <= np.abs(r - s)
+    overlap = np.where(inside, math.pi * np.minimum(r, s) ** 2, np.where(d >= r + s, 0.0, lens))
+    union = math.pi * (r**2 + s**2) - overlap
+    return np.where(union > 0, overlap / np.where(union > 0, union, 1.0), 0.0)
+
+
+def find(circles: Circles, discs: Discs) -> tuple[int | None, ...]:
+    """For each circle the place of the disc that it finds, one to one, wanted discs first."""
+    iou = disc_iou(circles.as_array(), discs.circles)
+    gain = np.where(iou >= LEAST_IOU, iou + discs.wanted[None, :], 0.0)
+    rows, columns = linear_sum_assignment(gain, maximize=True)
+    places: list[int | None] = [None] * len(circles.fruit)
+    for i, j in zip(rows.tolist(), columns.tolist(), strict=True):
+        if gain[i, j] > 0:
+            places[i] = j
+    return tuple(places)
+
+
+def count_fruit(
+    fruit: Sequence[Fruit],
+    found: Sequence[int | None],
+    discs: Discs,
+    labels: Labels | None,
+    partial: bool,  # a count is asked for by position in one place
+) -> Counts:
+    """Fruit found, found where none is, and not found."""
+    wanted = discs.wanted
+    tp = sum(1 for j in found if j is not None and wanted[j])
+    fn = int(wanted.sum()) - tp
+    if partial:
+        return Counts(tp, None, fn)
+    fp = sum(
+        1
+        for f, j in zip(fruit, found, strict=True)
+        if j is None and not (labels is not None and _on_uncounted(f, labels))
+    )
+    return Counts(tp, fp, fn)
+
+
+def _on_uncounted(fruit: Fruit, labels: Labels) -> bool:
+    """Whether a circle lies on fruit that counts neither way, more than on any other."""
+    x0, y0 = max(0, int(fruit.x_px - fruit.radius_px)), max(0, int(fruit.y_px - fruit.radius_px))
+    x1, y1 = int(fruit.x_px + fruit.radius_px) + 2, int(fruit.y_px + fruit.radius_px) + 2
+    window = labels[y0:y1, x0:x1]
+    rows, columns = np.mgrid[y0 : y0 + window.shape[0], x0 : x0 + window.shape[1]]
+    under = window[np.hypot(columns - fruit.x_px, rows - fruit.y_px) <= fruit.radius_px]
+    uncounted = np.count_nonzero(under == UNCOUNTED)
+    others = np.count_nonzero((under > 0) & (under < UNCOUNTED))
+    return bool(uncounted > others and uncounted >= LEAST_VISIBLE * under.size)
+
+
+def _verdicts(
+    apples: Sequence[Apple],
+    truth: FrameTruth,
+    discs: Mapping[Side, Discs],
+    found: Mapping[Side, tuple[int | None, ...]],
+) -> tuple[AppleVerdict, ...]:
+    """What became of every true apple that is in at least one view."""
+    known = {a.id: a for a in truth.apples or ()}
+    seen = {s: dict(zip(discs[s].ids, discs[s].visible.tolist(), strict=True)) for s in SIDES}
+    hit = {s: {discs[s].ids[j] for j in found[s] if j is not None} for s in SIDES}
+    right_of, wrong = _matched(apples, discs, found)
+    verdicts = []
+    for apple_id in sorted(set(discs["left"].ids) | set(discs["right"].ids)):
+        visible = [seen[side].get(apple_id, 0.0) for side in SIDES]
+        if all(v < LEAST_VISIBLE for v in visible):
+            continue
+        must_match = not any(v < LEAST_VISIBLE_TO_MATCH for v in visible)
+        located = right_of.get(apple_id)
+        match: Verdict = "right" if located else "wrong" if apple_id in wrong else "missed"
+        true = known.get(apple_id)
+        verdicts.append(
+            AppleVerdict(
+                apple_id=apple_id,
+                distance_m=None if true is None else true.distance_m,
+                left_visible=None if math.isnan(visible[0]) else visible[0],
+                right_visible=None if math.isnan(visible[1]) else visible[1],
+                found_left=apple_id in hit["left"],
+                found_right=apple_id in hit["right"],
+                match=match if must_match else None,
+                error_m=None
+                if true is None or located is None
+                else _distance_m(located, true.truth_point) - true.distance_m,
+            )
+        )
+    return tuple(verdicts)
+
+
+def _matched(
+    apples: Sequence[Apple],
+    discs: Mapping[Side, Discs],
+    found: Mapping[Side, tuple[int | None, ...]],
+) -> tuple[dict[int, Apple], set[int]]:
+    """Apples whose own two circles were matched, and apples with a circle in another match."""
+    right_of: dict[int, Apple] = {}
+    wrong: set[int] = set()
+    for apple in apples:
+        if apple.left is None or apple.right is None:
+            continue
+        left, right = found["left"][apple.left], found["right"][apple.right]
+        ids = (
+            None if left is None else discs["left"].ids[left],
+            None if right is None else discs["right"].ids[right],
+        )
+        if ids[0] is not None and ids[0] == ids[1]:
+            right_of[ids[0]] = apple
+        else:
+            wrong |= {i for i in ids if i is not None}
+    return right_of, wrong
+
+
+def _distance_m(apple: Apple, truth_point: str) -> float:
+    assert apple.centre_m is not None
+    assert apple.surface_range_m is not None
+    return math.hypot(*apple.centre_m) if truth_point == "centre" else apple.surface_range_m
+
+
+def _sum(counts: Iterable[Counts]) -> Counts | None:
+    listed = list(counts)
+    if not listed:
+        return None
+    known = [c.fp for c in listed if c.fp is not None]
+    return Counts(
+        sum(c.tp for c in listed),
+        sum(known) if len(known) == len(listed) else None,
+        sum(c.fn for c in listed),
+    )

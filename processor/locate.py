@@ -1,0 +1,83 @@
+"""The locator: recognise, clean, fit circles, match, triangulate."""
+
+from dataclasses import dataclass
+from time import perf_counter_ns
+
+from processor.circles import RandomRing
+from processor.clean import AreaRule
+from processor.match import AreaInOrder
+from processor.recognise import ColourRatio
+from processor.trace import (
+    CircleFinder,
+    Cleaner,
+    Matcher,
+    Recogniser,
+    Seed,
+    Trace,
+    Triangulator,
+    ViewTrace,
+)
+from processor.triangulate import Parallel
+from recorder.records import SIDES, Picture
+from recorder.rectify import Rectification
+
+
+@dataclass(frozen=True, slots=True)
+class Locator:
+    """One choice for each stage; the defaults are the paper's.
+
+    Its repr is the whole configuration. Calling it changes nothing: the same pictures and seed
+    give the same trace, in any order and on any worker.
+    """
+
+    recognise: Recogniser = ColourRatio()
+    clean: Cleaner = AreaRule()
+    circles: CircleFinder = RandomRing()
+    match: Matcher = AreaInOrder()
+    triangulate: Triangulator = Parallel()
+
+    def __call__(
+        self, left: Picture, right: Picture, rectification: Rectification, seed: Seed = (0, 0)
+    ) -> Trace:
+        """Locate the apples of one stereo pair.
+
+        Args:
+            left: (H, W, 3) BGR uint8, as recorded.
+            right: the same of the right camera.
+            rectification: the rig's.
+            seed: (run seed, frame).
+
+        Returns:
+            Every intermediate; its stage times sum both views.
+        """
+        watch = Stopwatch()
+        views = []
+        for number, (side, recorded) in enumerate(zip(SIDES, (left, right), strict=True)):
+            picture = rectification.view(side).picture(recorded)
+            watch.lap("rectify")
+            recognition = self.recognise(picture)
+            watch.lap("recognise")
+            cleaning = self.clean(recognition)
+            watch.lap("clean")
+            circles = self.circles(cleaning, (*seed, number))
+            watch.lap("circles")
+            views.append(ViewTrace(picture, recognition, cleaning, circles))
+        matching = self.match(*views)
+        watch.lap("match")
+        apples = self.triangulate(views[0].circles, views[1].circles, matching, rectification)
+        watch.lap("triangulate")
+        return Trace(views[0], views[1], matching, apples, watch.laps)
+
+
+class Stopwatch:
+    """Adds up how long each stage took, in nanoseconds."""
+
+    def __init__(self) -> None:
+        self.laps: dict[str, int] = {}
+        self._last = perf_counter_ns()
+
+    def lap(self, stage: str) -> None:
+        """Book the time since the last lap on a stage."""
+        now = perf_counter_ns()
+        self.laps[stage] = self.laps.get(stage, 0) + now - self._last
+        self._last = now

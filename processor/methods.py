@@ -1,0 +1,124 @@
+"""Named methods: which alternative each stage takes, as a name or as a TOML file."""
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import asdict, fields, replace
+from pathlib import Path
+from typing import Any, Final
+
+from pydantic import TypeAdapter, ValidationError
+
+from processor.circles import CIRCLES, HoughCircles
+from processor.clean import CLEAN
+from processor.locate import Locator
+from processor.match import MATCH, AreaInOrder
+from processor.recognise import RECOGNISE, ColourRatio, RedMinusLuma, TwoRedMinusGreenBlue
+from processor.triangulate import TRIANGULATE
+from recorder.errors import PomologError
+
+# stage -> name of an alternative -> its class; the stages in the locator's order
+STAGES: Final[dict[str, Mapping[str, type[Any]]]] = {
+    "recognise": RECOGNISE,
+    "clean": CLEAN,
+    "circles": CIRCLES,
+    "match": MATCH,
+    "triangulate": TRIANGULATE,
+}
+
+METHODS: Final[dict[str, Locator]] = {
+    "paper": Locator(),
+    "paper-signed": Locator(recognise=ColourRatio("signed")),
+    "paper-difference": Locator(recognise=ColourRatio("difference")),
+    "paper-absolute": Locator(recognise=ColourRatio("absolute")),
+    "2r-g-b": Locator(recognise=TwoRedMinusGreenBlue()),
+    "y-r": Locator(recognise=RedMinusLuma()),
+    "hough": Locator(circles=HoughCircles()),
+    "no-reference-line": Locator(match=AreaInOrder(reference_line=False)),
+    "area-only": Locator(match=AreaInOrder(in_order=False, reference_line=False)),
+}
+
+
+def load_method(choice: str) -> tuple[str, Locator]:
+    """A method by its name, or from a TOML file; gives its name and the locator.
+
+    A file starts from a named method (`base`, default `paper`) and has a table for each stage
+    that differs: `use` names the alternative, every other key is one of its parameters.
+
+    Raises:
+        PomologError: no such method or file, or a key or value that its stage does not have.
+    """
+    if choice in METHODS:
+        return choice, METHODS[choice]
+    if not choice.endswith(".toml"):
+        names = ", ".join(METHODS)
+        raise PomologError(f"no method {choice!r}; choose {names}, or give a .toml file")
+    path = Path(choice)
+    try:
+        table = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise PomologError(f"cannot read method {path}: {error.strerror}") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise PomologError(f"{path} is not TOML: {error}") from None
+    try:
+        return path.stem, locator_from(table)
+    except PomologError as error:
+        raise PomologError(f"{path}: {error}") from None
+
+
+def locator_from(table: Mapping[str, Any]) -> Locator:
+    """Build a locator from a method's table, as `describe` gives it or as TOML has it.
+
+    Raises:
+        PomologError: an unknown base, stage, alternative, parameter, or a value of a wrong kind.
+    """
+    base = table.get("base", "paper")
+    if base not in METHODS:
+        raise PomologError(f"base = {base!r} is no method; choose {', '.join(METHODS)}")
+    unknown = set(table) - {"base", "name", *STAGES}
+    if unknown:
+        raise PomologError(f"no stage [{min(unknown)}]; the stages are {', '.join(STAGES)}")
+    locator = METHODS[base]
+    for stage, alternatives in STAGES.items():
+        if stage in table:
+            current = getattr(locator, stage)
+            chosen = _alternative(stage, alternatives, current, table[stage])
+            locator = replace(locator, **{stage: chosen})
+    return locator
+
+
+def _alternative(
+    stage: str, alternatives: Mapping[str, type[Any]], current: Any, table: Any
+) -> Any:
+    if not isinstance(table, Mapping):
+        raise PomologError(f"[{stage}] must be a table with `use` and parameters")
+    use = table.get("use", _name_of(alternatives, current))
+    if use not in alternatives:
+        raise PomologError(f"[{stage}] use = {use!r}; there are {', '.join(alternatives)}")
+    kind = alternatives[use]
+    given = {key: value for key, value in table.items() if key != "use"}
+    known = [field.name for field in fields(kind)]
+    for key in given:
+        if key not in known:
+            raise PomologError(f"[{stage}] {use} has no {key!r}; it has {', '.join(known)}")
+    start = asdict(current) if isinstance(current, kind) else {}
+    try:
+        return TypeAdapter(kind).validate_python({**start, **given})
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(map(str, first["loc"]))
+        raise PomologError(f"[{stage}] {place}: {first['msg']}") from None
+
+
+def _name_of(alternatives: Mapping[str, type[Any]], chosen: Any) -> str:
+    return next(name for name, kind in alternatives.items() if kind is type(chosen))
+
+
+def describe(locator: Locator) -> dict[str, dict[str, Any]]:
+    """Every stage's alternative and every parameter, ready for JSON or TOML."""
+    return {
+        stage: {
+            "use": _name_of(alternatives, getattr(locator, stage)),
+            **asdict(getattr(locator, stage)),
+        }
+        for stage, alternatives in STAGES.items()
+    }

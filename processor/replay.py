@@ -1,0 +1,274 @@
+"""Replay sessions through a locator: traces -> rows and recordings, in slices that can resume.
+
+The work is (session, slice of its pairs). A slice's rows and drawing are written as parts and
+joined in order, so that the results do not depend on the number of workers, and a run that was
+killed goes on with the slices that are missing.
+"""
+
+import hashlib
+import json
+import multiprocessing
+import platform
+import shutil
+import subprocess
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import ExitStack
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from time import perf_counter, perf_counter_ns
+from typing import Any, Final, Literal
+
+import cv2
+
+from processor.count import count_frame
+from processor.locate import Locator
+from processor.methods import describe
+from processor.results import TABLES, Rows, join_tables, rows_of, write_tables
+from recorder.errors import PomologError
+from recorder.files import replacing, writable
+from recorder.pictures import decode
+from recorder.rectify import rectify
+from recorder.session import Session
+
+SLICE_PAIRS: Final = 32  # a slice is lost when a run is killed; a pair takes about 0.1 s
+RESULTS_PROFILE: Final = "pomolog-results/1"
+RrdChoice = Literal["full", "none"]
+
+Tick = Callable[[int], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """A slice of one session and how to replay it; small enough to send to a worker."""
+
+    session: Path
+    start: int
+    stop: int
+    parts: Path  # where its part goes
+    locator: Locator
+    seed: int
+    rrd: RrdChoice
+
+    @property
+    def part(self) -> Path:
+        """The folder of this slice's part; it exists when the slice is done."""
+        return self.parts / f"{self.start:08d}-{self.stop:08d}"
+
+
+@dataclass(frozen=True, slots=True)
+class Replayed:
+    """What became of one session."""
+
+    session: Path
+    out: Path
+    pairs: int
+    seconds: float
+    resumed: bool  # its results were there already
+
+
+def replay(
+    sessions: Sequence[Path],
+    out: Path,
+    locator: Locator,
+    *,
+    method: str = "paper",
+    seed: int = 0,
+    workers: int = 1,
+    rrd: RrdChoice = "full",
+    tick: Tick = lambda _: None,
+) -> Iterator[Replayed | PomologError]:
+    """Replay sessions one after another; give what became of each.
+
+    Args:
+        sessions: files of different names.
+        out: gets a folder for each session.
+        locator: the method.
+        method: its name, kept in run.json.
+        seed: of every random number.
+        workers: processes; 1 replays here.
+        rrd: draw recordings, or not.
+        tick: called with the number of pairs that are done.
+
+    Yields:
+        For each session its result, or the error that stopped it; the rest go on.
+
+    Raises:
+        PomologError: two sessions have one name.
+    """
+    names = [path.stem for path in sessions]
+    twice = {name for name in names if names.count(name) > 1}
+    if twice:
+        raise PomologError(f"two sessions are named {min(twice)}; rename one, or use two --out")
+    with ExitStack() as stack:
+        pool = None
+        if workers > 1:
+            context = multiprocessing.get_context("spawn")  # a fork would copy threads' locks
+            pool = stack.enter_context(ProcessPoolExecutor(workers, mp_context=context))
+        for path in sessions:
+            try:
+                yield _replay_session(path, out / path.stem, locator, method, seed, pool, rrd, tick)
+            except PomologError as error:
+                yield error
+
+
+def _replay_session(
+    path: Path,
+    out: Path,
+    locator: Locator,
+    method: str,
+    seed: int,
+    pool: ProcessPoolExecutor | None,
+    rrd: RrdChoice,
+    tick: Tick,
+) -> Replayed:
+    started = perf_counter()
+    with Session(path) as session:
+        pairs = len(session)
+        session.require_pairs()
+        rig = session.rig
+        run = _description(session, locator, method, seed, rrd)
+    rectify(rig)  # a rig that cannot be used is said before anything is written
+    if _done(out, run):
+        tick(pairs)
+        return Replayed(path, out, pairs, perf_counter() - started, resumed=True)
+    parts = out / f".parts-{run['key']}"
+    with writable(out):
+        out.mkdir(parents=True, exist_ok=True)
+        for stale in out.glob(".parts-*"):
+            if stale != parts:
+                shutil.rmtree(stale)
+        parts.mkdir(exist_ok=True)
+        (out / "run.json").unlink(missing_ok=True)  # what it spoke of is about to change
+    jobs = [
+        Job(path, start, min(start + SLICE_PAIRS, pairs), parts, locator, seed, rrd)
+        for start in range(0, pairs, SLICE_PAIRS)
+    ]
+    if pool is None:
+        for job in jobs:
+            run_slice(job, tick)
+    else:
+        for job, _ in zip(jobs, pool.map(run_slice, jobs), strict=True):
+            tick(job.stop - job.start)
+    _join(jobs, out, rrd)
+    seconds = perf_counter() - started
+    with replacing(out / "run.json") as part:
+        part.write_text(json.dumps({**run, "seconds": round(seconds, 3)}, indent=2) + "\n")
+    shutil.rmtree(parts)
+    return Replayed(path, out, pairs, seconds, resumed=False)
+
+
+def _description(
+    session: Session, locator: Locator, method: str, seed: int, rrd: RrdChoice
+) -> dict[str, Any]:
+    """What run.json says; `key` is a hash of all that the results depend on."""
+    versions = {
+        name: version(name)
+        for name in ("pomolog", "numpy", "opencv-python-headless", "scipy", "rerun-sdk")
+    }
+    run = {
+        "profile": RESULTS_PROFILE,
+        "method": method,
+        "locator": describe(locator),
+        "seed": seed,
+        "rrd": rrd,
+        "session": {
+            "name": session.name,
+            "file": session.path.name,
+            "fingerprint": session.fingerprint,
+            "pairs": len(session),
+            "metadata": session.metadata,
+            "ledger": session.ledger,
+        },
+        "versions": {**versions, "python": platform.python_version()},
+    }
+    key = hashlib.sha256(json.dumps(run, sort_keys=True).encode()).hexdigest()[:12]
+    return {**run, "key": key}
+
+
+def _done(out: Path, run: dict[str, Any]) -> bool:
+    """Whether `out` already has the results of exactly this run."""
+    try:
+        found = json.loads((out / "run.json").read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return False
+    wanted = [f"{name}.parquet" for name in TABLES]
+    wanted += ["trace.rrd"] if run["rrd"] == "full" else []
+    return bool(
+        isinstance(found, dict)
+        and found.get("key") == run["key"]
+        and all((out / name).is_file() for name in wanted)
+    )
+
+
+def run_slice(job: Job, tick: Tick = lambda _: None) -> None:
+    """Replay one slice into its part; one that is there already is left alone.
+
+    Raises:
+        PomologError: the session is damaged, or the part cannot be written.
+    """
+    cv2.setNumThreads(1)  # the workers are the parallelism, and one thread is repeatable
+    if job.part.is_dir():
+        tick(job.stop - job.start)
+        return
+    rows: Rows = {name: [] for name in TABLES}
+    with replacing(job.part) as part, Session(job.session) as session, ExitStack() as stack:
+        part.mkdir()
+        rectification = rectify(session.rig)
+        drawing = None
+        if job.rrd == "full":
+            from processor.rrd import RrdWriter
+
+            drawing = stack.enter_context(
+                RrdWriter(
+                    part / "trace.rrd",
+                    f"{session.name}-{session.fingerprint}",
+                    session.rig,
+                    rectification,
+                    first_ns=int(session.pair_times_ns()[0, 0]),
+                    name=session.name,
+                )
+            )
+        for pair in session.pairs(job.start, job.stop):
+            before = perf_counter_ns()
+            left, right = decode(pair.left), decode(pair.right)
+            decode_ns = perf_counter_ns() - before
+            trace = job.locator(left, right, rectification, (job.seed, pair.index))
+            counts = count_frame(trace, pair.truth, rectification)
+            new = rows_of(session.name, pair, trace, counts, rectification, decode_ns)
+            for name, table in new.items():
+                rows[name].extend(table)
+            if drawing is not None:
+                drawing.write(pair, trace, decode_ns)
+            tick(1)
+        write_tables(part, rows)
+
+
+def _join(jobs: Sequence[Job], out: Path, rrd: RrdChoice) -> None:
+    join_tables([job.part for job in jobs], out)
+    trace = out / "trace.rrd"
+    if rrd == "none":
+        trace.unlink(missing_ok=True)  # an older run's drawing would not be of these results
+        return
+    with replacing(trace) as part:
+        if len(jobs) == 1:
+            (jobs[0].part / "trace.rrd").replace(part)
+            return
+        join_recordings([job.part / "trace.rrd" for job in jobs], part)
+
+
+def join_recordings(parts: Sequence[Path], out: Path) -> None:
+    """Join recordings of one id, in order, without decoding them.
+
+    Raises:
+        PomologError: Rerun's own tool could not.
+    """
+    import rerun_cli
+
+    binary = Path(rerun_cli.__file__).parent / "rerun"
+    command = [str(binary), "rrd", "route", *map(str, parts), "-o", str(out)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode != 0:
+        reason = " ".join(done.stderr.split())[-300:]
+        raise PomologError(f"cannot join the recordings of {out.parent}: {reason}")

@@ -1,0 +1,200 @@
+"""The rows of a run's results, as Parquet: written by `replay`, read by everything after it."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from processor.count import Counts, FrameCounts
+from processor.trace import Circles, Trace
+from recorder.errors import PomologError
+from recorder.files import replacing
+from recorder.records import StereoPair
+from recorder.rectify import Rectification
+
+STAGES: Final = (
+    "decode", "rectify", "recognise", "clean", "circles", "match", "triangulate",
+)  # fmt: skip
+_SIDES: Final = ("left", "right")
+_KEY: Final = [("session", pa.string()), ("frame", pa.int32()), ("time_ns", pa.int64())]
+_COUNTED: Final = ("pixels", "pixels_cleaned", "fruit")
+_F64: Final = pa.float64()
+
+# A row a located apple; null where there is none: an unmatched fruit has no range. Pixels are in
+# the recorded picture, metres in the left camera's optical frame.
+APPLES: Final = pa.schema(
+    [
+        *_KEY,
+        ("apple", pa.int32()),
+        *((f"{side}_{what}_px", _F64) for side in _SIDES for what in ("x", "y", "radius")),
+        ("disparity_px", _F64),
+        ("x_m", _F64),
+        ("y_m", _F64),
+        ("z_m", _F64),
+        ("radius_m", _F64),
+        ("surface_range_m", _F64),
+        ("confidence", _F64),
+        *((f"{side}_{what}", pa.int32()) for side in _SIDES for what in ("inliers", "area_px")),
+        *((f"{side}_truth", pa.int32()) for side in _SIDES),
+        ("match_cost", _F64),
+    ]
+)
+# A row a frame: counts and stage times.
+FRAMES: Final = pa.schema(
+    [
+        *_KEY,
+        ("left_fruit", pa.int32()),
+        ("right_fruit", pa.int32()),
+        ("matched", pa.int32()),
+        ("reference_px", pa.int32()),
+        ("readings", pa.int32()),
+        ("skew_ns", pa.int64()),
+        ("conditions", pa.map_(pa.string(), pa.string())),  # lighting, cultivar, ... at that time
+        *((f"{what}_{part}", pa.int64()) for what in _COUNTED for part in ("tp", "fp", "fn")),
+        *((f"{stage}_ns", pa.int64()) for stage in STAGES),
+    ]
+)
+# A row a true apple that counts.
+TRUTH: Final = pa.schema(
+    [
+        *_KEY,
+        ("apple_id", pa.int32()),
+        ("distance_m", _F64),
+        ("left_visible", _F64),
+        ("right_visible", _F64),
+        ("found_left", pa.bool_()),
+        ("found_right", pa.bool_()),
+        ("match", pa.string()),
+        ("error_m", _F64),
+    ]
+)
+TABLES: Final[dict[str, pa.Schema]] = {"apples": APPLES, "frames": FRAMES, "truth": TRUTH}
+
+Row = dict[str, Any]
+Rows = dict[str, list[Row]]
+
+
+def rows_of(
+    session: str,
+    pair: StereoPair,
+    trace: Trace,
+    counts: FrameCounts,
+    rectification: Rectification,
+    decode_ns: int,
+) -> Rows:
+    """The rows of one frame, by table; circles are mapped back to recorded pixels here."""
+    key = {"session": session, "frame": pair.index, "time_ns": pair.time_ns}
+    frame = {
+        **key,
+        "left_fruit": len(trace.left.circles.fruit),
+        "right_fruit": len(trace.right.circles.fruit),
+        "matched": sum(apple.centre_m is not None for apple in trace.apples),
+        "reference_px": trace.matching.reference_px,
+        "readings": len(pair.readings),
+        "skew_ns": pair.right.time_ns - pair.left.time_ns,
+        "conditions": sorted(pair.conditions.items()),
+        "decode_ns": decode_ns,
+        **{f"{stage}_ns": ns for stage, ns in trace.stage_ns.items()},
+    }
+    for what in _COUNTED:
+        frame.update(_count_columns(what, getattr(counts, what)))
+    truth = [
+        {
+            **key,
+            "apple_id": v.apple_id,
+            "distance_m": v.distance_m,
+            "left_visible": v.left_visible,
+            "right_visible": v.right_visible,
+            "found_left": v.found_left,
+            "found_right": v.found_right,
+            "match": v.match,
+            "error_m": v.error_m,
+        }
+        for v in counts.apples
+    ]
+    apples = _apple_rows(key, trace, counts, rectification)
+    return {"apples": apples, "frames": [frame], "truth": truth}
+
+
+def _count_columns(what: str, counts: Counts | None) -> Row:
+    if counts is None:
+        return {}
+    return {f"{what}_tp": counts.tp, f"{what}_fp": counts.fp, f"{what}_fn": counts.fn}
+
+
+def _apple_rows(
+    key: Row, trace: Trace, counts: FrameCounts, rectification: Rectification
+) -> list[Row]:
+    circles = {
+        "left": rectification.left.circles_to_recorded(trace.left.circles.as_array()),
+        "right": rectification.right.circles_to_recorded(trace.right.circles.as_array()),
+    }
+    truths = {"left": counts.found_left, "right": counts.found_right}
+    fruit: Mapping[str, Circles] = {"left": trace.left.circles, "right": trace.right.circles}
+    costs = {
+        (i, j): cost
+        for (i, j), cost in zip(
+            trace.matching.pairs.tolist(), trace.matching.cost.tolist(), strict=True
+        )
+    }
+    rows = []
+    for number, apple in enumerate(trace.apples):
+        row = {
+            **key,
+            "apple": number,
+            "disparity_px": apple.disparity_px,
+            "radius_m": apple.radius_m,
+            "surface_range_m": apple.surface_range_m,
+            "confidence": apple.confidence,
+            "match_cost": costs.get((apple.left, apple.right)),
+        }
+        if apple.centre_m is not None:
+            row.update(zip(("x_m", "y_m", "z_m"), apple.centre_m, strict=True))
+        for side, place in (("left", apple.left), ("right", apple.right)):
+            if place is None:
+                continue
+            x, y, radius = circles[side][place].tolist()
+            row.update({f"{side}_x_px": x, f"{side}_y_px": y, f"{side}_radius_px": radius})
+            row[f"{side}_inliers"] = fruit[side].fruit[place].inliers
+            row[f"{side}_area_px"] = fruit[side].fruit[place].area_px
+            row[f"{side}_truth"] = truths[side][place] if truths[side] else None
+        rows.append(row)
+    return rows
+
+
+def write_tables(folder: Path, rows: Rows) -> None:
+    """Write every table of `rows` to `folder`, an empty one too, each whole or not at all."""
+    for name, schema in TABLES.items():
+        with replacing(folder / f"{name}.parquet") as part:
+            pq.write_table(pa.Table.from_pylist(rows[name], schema), part)
+
+
+def join_tables(folders: Sequence[Path], out: Path) -> None:
+    """Concatenate the tables of `folders`, in their order, into `out`."""
+    for name, schema in TABLES.items():
+        with replacing(out / f"{name}.parquet") as part, pq.ParquetWriter(part, schema) as writer:
+            for folder in folders:
+                writer.write_table(read_table(folder, name))
+
+
+def read_table(folder: Path, name: str) -> pa.Table:
+    """Read one table of a run.
+
+    Raises:
+        PomologError: it is not there or not one of ours.
+    """
+    path = folder / f"{name}.parquet"
+    if not path.is_file():
+        raise PomologError(f"no {path}; make it with: pomolog replay S.mcap -o OUT")
+    try:
+        table = pq.read_table(path)
+    except (pa.ArrowException, OSError) as error:
+        raise PomologError(f"{path} is damaged ({error}); replay it again") from None
+    missing = set(TABLES[name].names) - set(table.column_names)
+    if missing:
+        raise PomologError(
+            f"{path} has no column {min(missing)}; it was made by another version, replay it again"
+        )
+    return table.select(TABLES[name].names)

@@ -1,0 +1,99 @@
+"""Folders of results, found, read and handed to the score by group."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from processor.replay import RESULTS_PROFILE
+from processor.results import STAGES, Row, read_table
+from processor.score import FrameRow, FruitRow, Score, score
+from recorder.errors import PomologError
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """One session's results: the folder and its run.json."""
+
+    folder: Path
+    about: dict[str, Any]
+
+
+def find_runs(outs: Sequence[Path]) -> tuple[Run, ...]:
+    """Every session's results in the given folders, or below them.
+
+    Raises:
+        PomologError: there are none, or one was made by another version.
+    """
+    runs = []
+    for out in outs:
+        found = [out] if (out / "run.json").is_file() else []
+        found += sorted(path.parent for path in out.glob("*/run.json"))
+        if not found:
+            raise PomologError(f"no results in {out}; make them with: pomolog replay S -o {out}")
+        runs += [_read_run(folder) for folder in found]
+    return tuple(runs)
+
+
+def _read_run(folder: Path) -> Run:
+    path = folder / "run.json"
+    try:
+        about = json.loads(path.read_text(encoding="utf-8"))
+        profile = about["profile"]
+        about["session"]["metadata"]  # must be there
+    except (OSError, ValueError, KeyError, TypeError):
+        raise PomologError(f"{path} is damaged; replay it again") from None
+    if profile != RESULTS_PROFILE:
+        raise PomologError(f"{path} has profile {profile}, not {RESULTS_PROFILE}; replay it again")
+    return Run(folder, about)
+
+
+def score_runs(runs: Sequence[Run], by: str = "") -> dict[str, Score]:
+    """The score of all frames together ("all"), and of each value of a condition.
+
+    Args:
+        runs: what to score.
+        by: a condition: lighting, cultivar, or whatever the sessions' metadata and notes say.
+
+    Raises:
+        PomologError: no frame has that condition.
+    """
+    groups: dict[str, tuple[list[FrameRow], list[FruitRow]]] = {"all": ([], [])}
+    known: set[str] = set()
+    for run in runs:
+        group_of = {}
+        for row in read_table(run.folder, "frames").to_pylist():
+            conditions = dict(row["conditions"])
+            known |= conditions.keys()
+            names = ["all"] + ([f"{by}={conditions[by]}"] if by in conditions else [])
+            group_of[row["frame"]] = names
+            for name in names:
+                groups.setdefault(name, ([], []))[0].append(_frame_row(row))
+        for row in read_table(run.folder, "truth").to_pylist():
+            for name in group_of[row["frame"]]:
+                groups[name][1].append(_fruit_row(row))
+    if by and len(groups) == 1:
+        raise PomologError(f"no session says its {by}; they say {', '.join(sorted(known))}")
+    return {name: score(frames, fruit) for name, (frames, fruit) in groups.items()}
+
+
+def _frame_row(row: Row) -> FrameRow:
+    return FrameRow(
+        pixels=_counts(row, "pixels"),
+        pixels_cleaned=_counts(row, "pixels_cleaned"),
+        fruit=_counts(row, "fruit"),
+        stage_ns={stage: row[f"{stage}_ns"] for stage in STAGES},
+    )
+
+
+def _counts(row: Row, what: str) -> tuple[int, int | None, int] | None:
+    if row[f"{what}_tp"] is None:
+        return None
+    return row[f"{what}_tp"], row[f"{what}_fp"], row[f"{what}_fn"]
+
+
+def _fruit_row(row: Row) -> FruitRow:
+    seen = [row["left_visible"], row["right_visible"]]
+    visible = None if None in seen else min(seen)
+    return FruitRow(row["distance_m"], visible, row["match"], row["error_m"])

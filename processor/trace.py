@@ -1,0 +1,184 @@
+"""What each stage of the locator finds, and the trace that keeps all of it for one stereo pair.
+
+Pictures, masks, circles and contours are in pixels of the **rectified** views; `replay` maps what
+it reports back to recorded pixels. Points are in the left camera's optical frame, in metres.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from recorder.records import Picture
+from recorder.rectify import Rectification
+
+Mask = npt.NDArray[np.uint8]
+"""(H, W) uint8: 0 or 255."""
+
+Floats = npt.NDArray[np.float64]
+
+Seed = tuple[int, ...]
+"""(run seed, frame, side): what a stage's random numbers depend on, and nothing else."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Recognition:
+    """Which pixels look like fruit.
+
+    Attributes:
+        index: (H, W) uint8, the colour index as a picture: brighter is more like fruit.
+        mask: where the rule says "fruit".
+    """
+
+    index: npt.NDArray[np.uint8]
+    mask: Mask
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Region:
+    """One connected region of a cleaned mask.
+
+    Attributes:
+        area_px: pixels, holes filled.
+        box_px: x, y, width, height of its bounding box.
+        contour_px: (N, 2) int32, x y, its outer boundary, 8-connected.
+    """
+
+    area_px: int
+    box_px: tuple[int, int, int, int]
+    contour_px: npt.NDArray[np.int32]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Cleaning:
+    """A mask without its noise, and its regions."""
+
+    mask: Mask
+    regions: tuple[Region, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Fruit:
+    """One circle that stands for one fruit in one view."""
+
+    region: int  # its place in Cleaning.regions
+    x_px: float
+    y_px: float
+    radius_px: float
+    inliers: int  # contour points on its ring (or votes, where the finder counts those)
+    area_px: int  # of its region
+    box_px: tuple[int, int, int, int]  # of its region
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Circles:
+    """The fruit of one view, and every circle that was tried for them.
+
+    Attributes:
+        fruit: at most one a region for the paper's finders; in the order of the regions.
+        tried: (T, 5) float32: region, x, y, radius, points on the ring.
+    """
+
+    fruit: tuple[Fruit, ...]
+    tried: npt.NDArray[np.float32]
+
+    def as_array(self) -> Floats:
+        """The fruit as (N, 3) x, y, radius."""
+        return np.array([(f.x_px, f.y_px, f.radius_px) for f in self.fruit]).reshape(-1, 3)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ViewTrace:
+    """Everything that one view went through."""
+
+    picture: Picture  # rectified
+    recognition: Recognition
+    cleaning: Cleaning
+    circles: Circles
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Matching:
+    """Which fruit of the left view is which of the right.
+
+    Attributes:
+        pairs: (M, 2) places in the left and the right view's fruit.
+        cost: (M,) what the matcher minimised, 0 best.
+        ignored_left: left fruit that were not asked for a partner.
+        reference_px: the reference line's column in the left view; None where none was sought.
+        projections: (2, W) column sums of both cleaned masks, left first; empty without a line.
+        correlation: (W,) their cross-correlation by shift; empty without a line.
+    """
+
+    pairs: npt.NDArray[np.intp]
+    cost: Floats
+    ignored_left: tuple[int, ...] = ()
+    reference_px: int | None = None
+    projections: Floats = field(default_factory=lambda: np.empty((2, 0)))
+    correlation: Floats = field(default_factory=lambda: np.empty(0))
+
+
+@dataclass(frozen=True, slots=True)
+class Apple:
+    """One located apple: a matched pair of fruit with its place, or a lone fruit without one."""
+
+    left: int | None  # place in the left view's fruit
+    right: int | None
+    disparity_px: float | None = None
+    centre_m: tuple[float, float, float] | None = None
+    radius_m: float | None = None
+    surface_range_m: float | None = None  # from the left camera to the fruit's front
+    confidence: float | None = None  # in [0, 1]; None where the method has none to give
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Trace:
+    """One stereo pair, located, with every intermediate."""
+
+    left: ViewTrace
+    right: ViewTrace
+    matching: Matching
+    apples: tuple[Apple, ...]
+    stage_ns: Mapping[str, int]
+
+    def view(self, side: str) -> ViewTrace:
+        """The trace of that side, "left" or "right"."""
+        return self.left if side == "left" else self.right
+
+
+# What a stage is, for alternatives to be told apart by type. Each is a frozen dataclass whose
+# fields are its parameters.
+
+
+class Recogniser(Protocol):
+    """Picture -> which pixels look like fruit."""
+
+    def __call__(self, picture: Picture) -> Recognition: ...
+
+
+class Cleaner(Protocol):
+    """Which pixels look like fruit -> regions worth a circle."""
+
+    def __call__(self, recognition: Recognition) -> Cleaning: ...
+
+
+class CircleFinder(Protocol):
+    """Regions -> circles."""
+
+    def __call__(self, cleaning: Cleaning, seed: Seed) -> Circles: ...
+
+
+class Matcher(Protocol):
+    """Two views -> which fruit is which."""
+
+    def __call__(self, left: ViewTrace, right: ViewTrace) -> Matching: ...
+
+
+class Triangulator(Protocol):
+    """Matched fruit -> apples in space, lone fruit among them."""
+
+    def __call__(
+        self, left: Circles, right: Circles, matching: Matching, rectification: Rectification
+    ) -> tuple[Apple, ...]: ...

@@ -1,0 +1,70 @@
+"""The viewer's commands: view and demo."""
+
+import shutil
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from recorder.errors import PomologError
+
+app = typer.Typer(
+    add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)  # fmt: skip
+
+DEMO_SESSION = Path(__file__).parent.parent / "sessions" / "demo.mcap"
+
+
+@app.callback()
+def _viewer() -> None:
+    """Open runs and sessions."""
+
+
+@app.command(epilog="Example: pomolog view results")
+def view(
+    path: Annotated[Path, typer.Argument(metavar="OUT|S", help="Results, or a session.")],
+    web: Annotated[bool, typer.Option("--web", help="Serve to a browser on this machine.")] = False,
+) -> None:
+    """Open results (or a session without any) in Rerun, laid out by question."""
+    from viewer.open import lay_out, open_viewer, recordings
+
+    open_viewer(lay_out(recordings(path)), web=web)
+
+
+@app.command(epilog="Example: pomolog demo")
+def demo(
+    out: Annotated[Path, typer.Option("--out", "-o", help="Folder for the results.")] = Path(
+        "results/demo"
+    ),
+    method: Annotated[str, typer.Option(help="A named method, or a .toml file.")] = "paper",
+) -> None:
+    """Replay the session that comes with pomolog, score it by lighting, say how to look at it."""
+    import os
+
+    from rich.console import Console
+
+    from processor.methods import load_method
+    from processor.replay import replay
+    from processor.runs import find_runs, score_runs
+    from processor.tables import score_table
+    from recorder.progress import progress
+    from viewer.open import lay_out, recordings
+
+    sessions = sorted(DEMO_SESSION.parent.glob("demo*.mcap"))
+    if not sessions:
+        raise PomologError(f"no {DEMO_SESSION}; run the demo from a checkout of the project")
+    name, locator = load_method(method)
+    workers = os.cpu_count() or 1
+    with progress("replaying", 0) as tick:
+        for outcome in replay(sessions, out, locator, method=name, workers=workers, tick=tick):
+            if isinstance(outcome, PomologError):
+                raise outcome
+    groups = score_runs(find_runs([out]), "lighting")
+    console = Console()
+    console.print(f"Method {name} on {len(sessions)} sessions of the digital orchard:")
+    console.print(score_table(groups))
+    for recording in lay_out(recordings(out)):
+        console.print(f"recording: {recording}", soft_wrap=True, highlight=False)
+    command = "pomolog" if shutil.which("pomolog") else ".venv/bin/pomolog"
+    console.print(f"look at it with:  {command} view {out}", soft_wrap=True, highlight=False)
