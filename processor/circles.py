@@ -33,52 +33,77 @@ class RandomRing:
 
     def __call__(self, cleaning: Cleaning, seed: Seed) -> Circles:
         """Fit at most one circle to each region; a region without a valid ring has no fruit."""
-        tried = [
-            self.rings(region.contour_px, np.random.default_rng((*seed, number)))
-            for number, region in enumerate(cleaning.regions)
-        ]
-        return _best_of_each(cleaning.regions, tried)
+        contours = [region.contour_px for region in cleaning.regions]
+        draws = np.random.default_rng(seed).random((len(contours), self.rounds, 3))
+        return _best_of_each(cleaning.regions, self.rings(contours, draws))
 
-    def rings(self, contour_px: npt.NDArray[np.int32], random: np.random.Generator) -> Floats:
-        """The (T, 4) rings of one contour within the window: x, y, radius, points on the ring."""
-        if len(contour_px) < 3:
-            return np.empty((0, 4))
-        # about its own middle the contour's numbers are small, and sums of squares stay exact
-        middle = contour_px.mean(axis=0)
-        points = contour_px - middle
-        corners = points[random.integers(0, len(points), (self.rounds, 3))]
-        circles = _circles_through(corners)
-        radii = circles[:, 2]
-        circles = circles[(radii >= self.min_radius_px) & (radii <= self.max_radius_px)]
-        counts = self._count(points, circles)
-        return np.column_stack([circles[:, :2] + middle, circles[:, 2], counts])
+    def rings(self, contours: Sequence[npt.NDArray[np.int32]], draws: Floats) -> list[Floats]:
+        """The rings of each contour that are within the window.
 
-    def _count(self, points: Floats, circles: Floats) -> npt.NDArray[np.intp]:
-        """How many of the points lie within each circle's ring.
+        All contours' circles are made at once, because a picture has a hundred small contours.
 
-        |p - c|^2 = |p|^2 + |c|^2 - 2 p.c is one matrix product for all circles and points.
+        Args:
+            contours: (N, 2) pixels each.
+            draws: (contours, rounds, 3) in [0, 1): which of a contour's points are taken.
+
+        Returns:
+            For each contour (T, 4): x, y, radius, points on the ring.
         """
-        centres, radii = circles[:, :2], circles[:, 2:]
-        squares = (points**2).sum(axis=1) - 2 * centres @ points.T
-        offset = (centres**2).sum(axis=1, keepdims=True)
-        outer = squares <= (radii + self.ring_px) ** 2 - offset
-        inner = squares < np.maximum(radii - self.ring_px, 0) ** 2 - offset
-        return np.asarray(
-            np.count_nonzero(outer, axis=1) - np.count_nonzero(inner, axis=1), np.intp
-        )
+        if not contours:
+            return []
+        # about its own middle a contour's numbers are small, and sums of squares stay exact
+        middles = [contour.mean(axis=0) for contour in contours]
+        points = np.concatenate([c - m for c, m in zip(contours, middles, strict=True)])
+        lengths = np.array([len(contour) for contour in contours])
+        ends = np.cumsum(lengths)
+        places = (ends - lengths)[:, None, None] + (draws * lengths[:, None, None]).astype(np.intp)
+        x, y, radius = _circles_through(points, places.reshape(-1, 3))
+        within = (radius >= self.min_radius_px) & (radius <= self.max_radius_px)
+        starts = np.concatenate([[0], np.cumsum(within.reshape(-1, self.rounds).sum(axis=1))])
+        x, y, radius = x[within], y[within], radius[within]
+        circle_terms, point_terms = self._ring_terms(x, y, radius, points)
+        rings = []
+        for number, (middle, end) in enumerate(zip(middles, ends, strict=True)):
+            mine = slice(starts[number], starts[number + 1])
+            beyond = np.abs(circle_terms[mine] @ point_terms[:, end - lengths[number] : end])
+            on_ring = beyond <= (2 * self.ring_px * radius[mine])[:, None]
+            counts = np.count_nonzero(on_ring, axis=1)
+            rings.append(
+                np.column_stack([x[mine] + middle[0], y[mine] + middle[1], radius[mine], counts])
+            )
+        return rings
+
+    def _ring_terms(
+        self, x: Floats, y: Floats, radius: Floats, points: Floats
+    ) -> tuple[Floats, Floats]:
+        """(C, 4) and (4, P) factors whose product is d^2 - r^2 - w^2 for every circle and point.
+
+        A point at distance d from the centre is on the ring r +- w exactly where the size of that
+        is at most 2 r w, because (r +- w)^2 = r^2 + w^2 +- 2 r w. One matrix product counts it.
+        """
+        offset = x**2 + y**2 - radius**2 - self.ring_px**2
+        circle_terms = np.column_stack([-2 * x, -2 * y, np.ones_like(x), offset])
+        squares = (points**2).sum(axis=1)
+        point_terms = np.stack([points[:, 0], points[:, 1], squares, np.ones_like(squares)])
+        return circle_terms, point_terms
 
 
-def _circles_through(corners: Floats) -> Floats:
-    """The (N, 3) circles x, y, radius through (N, 3, 2) triples; collinear ones have radius inf."""
-    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
-    ab, ac = b - a, c - a
-    twice_area = 2 * (ab[:, 0] * ac[:, 1] - ab[:, 1] * ac[:, 0])
-    ab2, ac2 = (ab**2).sum(axis=1), (ac**2).sum(axis=1)
+def _circles_through(points: Floats, places: npt.NDArray[np.intp]) -> tuple[Floats, Floats, Floats]:
+    """x, y and radius (C,) of the circles through the points at (C, 3) places.
+
+    Three collinear points have no circle: their radius is infinite.
+    """
+    ax, ay = points[places[:, 0]].T
+    bx, by = points[places[:, 1]].T - (ax, ay)
+    cx, cy = points[places[:, 2]].T - (ax, ay)
+    twice_area = 2 * (bx * cy - by * cx)
+    b2, c2 = bx * bx + by * by, cx * cx + cy * cy
     with np.errstate(divide="ignore", invalid="ignore"):
-        x = (ac[:, 1] * ab2 - ab[:, 1] * ac2) / twice_area
-        y = (ab[:, 0] * ac2 - ac[:, 0] * ab2) / twice_area
-    radius = np.where(twice_area == 0, np.inf, np.hypot(x, y))
-    return np.column_stack([a[:, 0] + x, a[:, 1] + y, radius])
+        x = (cy * b2 - by * c2) / twice_area
+        y = (bx * c2 - cx * b2) / twice_area
+        radius = np.sqrt(x * x + y * y)
+    radius[twice_area == 0] = np.inf
+    return ax + x, ay + y, radius
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,7 +5,6 @@ from typing import Final, Literal, cast
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from processor.trace import Cleaner, Cleaning, Mask, Recognition, Region
 
@@ -50,10 +49,15 @@ class AreaRule:
         )
         if count == 1:
             return mask
-        areas = np.asarray(statistics)[:, cv2.CC_STAT_AREA]
-        keep = np.where(areas >= areas[1:].max() * self.smallest_share, np.uint8(255), np.uint8(0))
-        keep[0] = 0  # label 0 is the background
-        return np.take(keep, cast("npt.NDArray[np.int32]", labels))
+        boxes = np.asarray(statistics)
+        areas = boxes[:, cv2.CC_STAT_AREA]
+        large = np.flatnonzero(areas >= areas[1:].max() * self.smallest_share)
+        kept = np.zeros_like(mask)
+        for label in large[large > 0].tolist():  # label 0 is the background
+            x, y, width, height = boxes[label, :4].tolist()
+            box = np.s_[y : y + height, x : x + width]  # few and small: cheaper than all pixels
+            kept[box][labels[box] == label] = 255
+        return kept
 
     def _open_close(self, mask: Mask) -> Mask:
         if self.kernel_px <= 1:
