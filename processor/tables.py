@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 
+from rich import box
 from rich.table import Table
 
 from processor.score import Detection, Errors, Matches, Score
@@ -10,11 +11,12 @@ NOT_SCORED = "not scored"
 
 
 def score_table(groups: Mapping[str, Score]) -> Table:
-    """Groups side by side, a column each."""
-    table = Table(show_header=True, header_style="bold")
-    table.add_column("")
+    """Groups side by side, a column each; fits 80 columns up to five groups."""
+    table = Table(box=box.SIMPLE_HEAD, padding=(0, 0, 0, 0))
+    table.add_column("", no_wrap=True)
     for name, score in groups.items():
-        table.add_column(f"{name}\n{score.frames} pairs", justify="right")
+        value = name.partition("=")[2] or name
+        table.add_column(f"{value}\n{score.frames} pairs", justify="right", min_width=9)
     columns = [_lines(score) for score in groups.values()]
     for number, (label, _) in enumerate(columns[0]):
         if not label:
@@ -28,9 +30,9 @@ def _lines(score: Score) -> list[tuple[str, str]]:
     separator = [("", "")]
     time = sum(ms for stage, ms in score.time_ms.items() if stage != "decode")
     return (
-        _pixels("pixels", score.pixels)
+        _pixels("recognised pixels", score.pixels)
         + separator
-        + _pixels("cleaned", score.pixels_cleaned)
+        + _pixels("cleaned pixels", score.pixels_cleaned)
         + separator
         + _fruit(score.fruit)
         + separator
@@ -51,38 +53,46 @@ def _pixels(name: str, d: Detection | None) -> list[tuple[str, str]]:
         "recall": "recall",
         "F1": "f1",
     }
-    return [(f"{name} {label} %", _percent(d, field)) for label, field in measures.items()]
+    rates = [(f"  {label} %", _percent(d, field)) for label, field in measures.items()]
+    return [(name, "" if d else NOT_SCORED), *rates]
 
 
 def _fruit(d: Detection | None) -> list[tuple[str, str]]:
-    counts = NOT_SCORED if d is None else f"{d.tp} / {'?' if d.fp is None else d.fp} / {d.fn}"
     return [
-        ("fruit found / false / missed", counts),
-        ("fruit precision %", _percent(d, "precision")),
-        ("fruit recall %", _percent(d, "recall")),
-        ("fruit F1 %", _percent(d, "f1")),
+        ("fruit found", _count(d, "tp")),
+        ("  false", _count(d, "fp")),
+        ("  missed", _count(d, "fn")),
+        ("  precision %", _percent(d, "precision")),
+        ("  recall %", _percent(d, "recall")),
+        ("  F1 %", _percent(d, "f1")),
     ]
 
 
 def _matches(m: Matches | None) -> list[tuple[str, str]]:
-    counts = NOT_SCORED if m is None else f"{m.right} / {m.wrong} / {m.missed}"
     interval = None if m is None else m.wilson95
     return [
-        ("matches right / wrong / missed", counts),
-        ("match rate %", _percent(m, "rate")),
+        ("matches right", _count(m, "right")),
+        ("  wrong", _count(m, "wrong")),
+        ("  missed", _count(m, "missed")),
+        ("  rate %", _percent(m, "rate")),
         (
-            "  95 % interval (Wilson)",
-            f"{interval[0] * 100:.1f} - {interval[1] * 100:.1f}" if interval else NOT_SCORED,
+            "  its 95 % interval",
+            f"{interval[0] * 100:.1f}-{interval[1] * 100:.1f}" if interval else NOT_SCORED,
         ),
-        ("matches found %", _percent(m, "found")),
+        ("  found %", _percent(m, "found")),
     ]
 
 
 def _errors(e: Errors | None) -> list[tuple[str, str]]:
-    labels = {"bias": "bias", "rmse": "RMSE", "p95": "95th percentile", "max": "largest"}
+    labels = {
+        "bias": ("bias", "+.1f"),
+        "rmse": ("RMSE", ".1f"),
+        "p95": ("95th percentile", ".1f"),
+        "max": ("largest", ".1f"),
+    }
     rows = [("distance errors", NOT_SCORED if e is None else str(e.n))]
-    for field, label in labels.items():
-        value = NOT_SCORED if e is None else f"{getattr(e, field) * 1e3:+.1f}"
+    for field, (label, form) in labels.items():
+        value = NOT_SCORED if e is None else format(getattr(e, field) * 1e3, form)
         rows.append((f"  {label} mm", value))
     return rows
 
@@ -90,3 +100,8 @@ def _errors(e: Errors | None) -> list[tuple[str, str]]:
 def _percent(measures: Detection | Matches | None, field: str) -> str:
     value = None if measures is None else getattr(measures, field)
     return NOT_SCORED if value is None else f"{value * 100:.1f}"
+
+
+def _count(measures: Detection | Matches | None, field: str) -> str:
+    value = None if measures is None else getattr(measures, field)
+    return NOT_SCORED if value is None else str(value)

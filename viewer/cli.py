@@ -49,22 +49,26 @@ def demo(
     from processor.runs import find_runs, score_runs
     from processor.tables import score_table
     from recorder.progress import progress
+    from recorder.session import read_info
     from viewer.open import lay_out, recordings
 
-    sessions = sorted(DEMO_SESSION.parent.glob("demo*.mcap"))
-    if not sessions:
+    if not DEMO_SESSION.is_file():
         raise PomologError(f"no {DEMO_SESSION}; run the demo from a checkout of the project")
     name, locator = load_method(method)
     workers = os.cpu_count() or 1
-    with progress("replaying", 0) as tick:
-        for outcome in replay(sessions, out, locator, method=name, workers=workers, tick=tick):
+    with progress("replaying", read_info(DEMO_SESSION).pairs) as tick:
+        for outcome in replay(
+            [DEMO_SESSION], out, locator, method=name, workers=workers, tick=tick
+        ):
             if isinstance(outcome, PomologError):
                 raise outcome
     groups = score_runs(find_runs([out]), "lighting")
     console = Console()
-    console.print(f"Method {name} on {len(sessions)} sessions of the digital orchard:")
+    console.print(f"method {name} on {DEMO_SESSION.name}, by lighting:")
     console.print(score_table(groups))
-    for recording in lay_out(recordings(out)):
+    found = recordings(out)
+    lay_out(found)
+    for recording in found:
         console.print(f"recording: {recording}", soft_wrap=True, highlight=False)
     command = "pomolog" if shutil.which("pomolog") else ".venv/bin/pomolog"
     console.print(f"look at it with:  {command} view {out}", soft_wrap=True, highlight=False)
