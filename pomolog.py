@@ -22,6 +22,7 @@ COMMANDS: Final[dict[str, Command]] = {
     "check": Command("recorder.cli", "read all of a session and say whether it is sound"),
     "salvage": Command("recorder.cli", "make a whole session of a torn one"),
     "replay": Command("processor.cli", "run the locator on sessions and keep every intermediate"),
+    "methods": Command("processor.cli", "list the methods, or print one as TOML"),
     "score": Command("processor.cli", "hits, false positives, matches and distance errors"),
     "view": Command("viewer.cli", "open a run, or a session, in Rerun"),
     "demo": Command("viewer.cli", "all of it, on a session that comes with pomolog"),

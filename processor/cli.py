@@ -25,7 +25,7 @@ def _processor() -> None:
 def replay(
     sessions: Annotated[list[Path], typer.Argument(metavar="S...", help="Sessions (.mcap).")],
     out: Annotated[Path, typer.Option("--out", "-o", help="Folder for the results.")],
-    method: Annotated[str, typer.Option(help="A named method, or a .toml file.")] = "paper",
+    method: Annotated[str, typer.Option(help="A name (pomolog methods), or a .toml.")] = "paper",
     workers: Annotated[int, typer.Option(min=0, help="Processes; 0 is one a core.")] = 0,
     seed: Annotated[int, typer.Option(min=0, help="Of every random number.")] = 0,
     rrd: Annotated[str, typer.Option(help="full: draw recordings; none: rows only.")] = "full",
@@ -70,6 +70,20 @@ def replay(
         for error in errors[:-1]:
             typer.echo(f"pomolog: {' '.join(str(error).split())}", err=True)
         raise errors[-1]
+
+
+@app.command(epilog="Example: pomolog methods paper > mine.toml")
+def methods(
+    name: Annotated[str, typer.Argument(metavar="[NAME]", help="Print this one as TOML.")] = "",
+) -> None:
+    """List the named methods, or print one with all its parameters, to start your own from."""
+    from processor.methods import METHODS, load_method, to_toml
+
+    if name:
+        print(to_toml(*load_method(name)))
+        return
+    for known, locator in METHODS.items():
+        print(f"{known:18} {locator.recognise!r}, {locator.circles!r}, {locator.match!r}")
 
 
 def _count_pairs(sessions: list[Path]) -> int:

@@ -1,5 +1,6 @@
 """Named methods: which alternative each stage takes, as a name or as a TOML file."""
 
+import json
 import tomllib
 from collections.abc import Mapping
 from dataclasses import asdict, fields, replace
@@ -122,3 +123,15 @@ def describe(locator: Locator) -> dict[str, dict[str, Any]]:
         }
         for stage, alternatives in STAGES.items()
     }
+
+
+def to_toml(name: str, locator: Locator) -> str:
+    """A method as TOML that `load_method` reads back; a parameter that is None is left out."""
+    lines = [f"# {name}; every parameter with its value"]
+    for stage, table in describe(locator).items():
+        lines += ["", f"[{stage}]"]
+        # a JSON string, number or truth value is a TOML one
+        lines += [
+            f"{key} = {json.dumps(value)}" for key, value in table.items() if value is not None
+        ]
+    return "\n".join(lines)
