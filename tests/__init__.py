@@ -1,0 +1,1 @@
+"""Tests; each file is named after the module that it tests."""
