@@ -12,6 +12,7 @@ from recorder.container import RawMessage
 from recorder.profile import PROFILE, topics_of
 
 CHUNK_BYTES: Final = 4 << 20
+_MESSAGE_BYTES: Final = 9 + 22  # of a message record, beside its data
 
 
 class MessageWriter:
@@ -38,16 +39,15 @@ class MessageWriter:
         images = "raw" if raw_images else "compressed"
         self.add_metadata("session", {**metadata, "profile": PROFILE, "images": images})
         topics = topics_of(raw_images=raw_images)
+        self._pending_bytes = 0  # of the chunk in progress
         self._channels = {topic: self._register(topic, kind) for topic, kind in topics.items()}
         self._sequence = dict.fromkeys(topics, 0)
-        self._pending_bytes = 0
 
     def _register(self, topic: str, kind: Any) -> int:
-        schema_id = self._mcap.register_schema(
-            name=kind.DESCRIPTOR.full_name,
-            encoding="protobuf",
-            data=build_file_descriptor_set(kind).SerializeToString(),
-        )
+        name = kind.DESCRIPTOR.full_name
+        schema = build_file_descriptor_set(kind).SerializeToString()
+        self._pending_bytes += len(schema) + len(name) + len(topic) + 64  # 64: their fixed parts
+        schema_id = self._mcap.register_schema(name=name, encoding="protobuf", data=schema)
         return int(self._mcap.register_channel(topic, "protobuf", schema_id))
 
     def write(
@@ -60,7 +60,8 @@ class MessageWriter:
         sequence: int | None = None,
     ) -> None:
         """Write one serialised message of a topic of the profile."""
-        if self._pending_bytes and self._pending_bytes + len(data) > CHUNK_BYTES:
+        size = len(data) + _MESSAGE_BYTES
+        if self._pending_bytes + size > CHUNK_BYTES:
             self.flush()
         if sequence is None:
             sequence = self._sequence[topic]
@@ -72,7 +73,7 @@ class MessageWriter:
             publish_time=time_ns if publish_ns is None else publish_ns,
             sequence=sequence & 0xFFFFFFFF,
         )
-        self._pending_bytes += len(data)
+        self._pending_bytes += size
 
     def copy(self, message: RawMessage) -> None:
         """Write a message of another file as it is."""

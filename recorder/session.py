@@ -307,12 +307,14 @@ class Session:
     ) -> Iterator[StereoPair]:
         """Gather each pair's messages as they pass; a pair is whole once its window is over."""
         topics = {*IMAGE_TOPICS.values(), *TRUTH_TOPICS, "/rangefinder"}
-        frame_of = {
+        pair_of = {
             (topic, int(times[i, column])): i
-            for column, side in enumerate(SIDES)
-            for topic in (IMAGE_TOPICS[side], f"/truth/{side}")
+            for column, known in enumerate(
+                ((IMAGE_TOPICS["left"], *TRUTH_TOPICS), (IMAGE_TOPICS["right"],))
+            )  # the left frame's time names the pair, so all of its truth has that time
+            for topic in known
             for i in range(start, stop)
-        } | {("/truth/apples", int(times[i, 0])): i for i in range(start, stop)}
+        }
         lefts = times[:, 0].tolist()
         found: dict[int, dict[str, RawMessage]] = {}
         readings: dict[int, list[RangeReading]] = {}
@@ -326,7 +328,7 @@ class Session:
                 if abs(lefts[nearest] - message.log_ns) <= READING_WINDOW_NS:
                     readings.setdefault(nearest, []).append(decode_reading(message))
                 continue
-            index = frame_of.get((message.topic, message.log_ns))
+            index = pair_of.get((message.topic, message.log_ns))
             if index is not None:
                 found.setdefault(index, {}).setdefault(message.topic, message)
         for index in range(due, stop):

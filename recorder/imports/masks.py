@@ -131,8 +131,7 @@ def label_session(
                 lefts.remove(message.log_ns)
                 pair = next(pairs)
                 for topic, encoded in encode_truth(pair.time_ns, masks.truth(pair)):
-                    time_ns = pair.right.time_ns if topic == "/truth/right" else pair.time_ns
-                    writer.write(topic, time_ns, encoded.SerializeToString())
+                    writer.write(topic, pair.time_ns, encoded.SerializeToString())
                 tick()
         if session.ledger:
             writer.add_metadata("ledger", session.ledger)
