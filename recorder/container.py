@@ -29,17 +29,17 @@ from mcap.records import (
     Channel,
     Chunk,
     ChunkIndex,
+    DataEnd,
     Footer,
     Header,
     McapRecord,
     Message,
-    MessageIndex,
     Metadata,
     MetadataIndex,
     Schema,
     Statistics,
 )
-from mcap.stream_reader import StreamReader, breakup_chunk
+from mcap.stream_reader import breakup_chunk
 
 from recorder.errors import PomologError, TornFileError
 
@@ -47,12 +47,14 @@ MAGIC: Final = bytes((137, 77, 67, 65, 80, 48, 13, 10))
 _PREFIX: Final = struct.Struct("<BQ")  # opcode, length: before every record
 _FOOTER_BYTES: Final = _PREFIX.size + 20
 _DATA_END_BYTES: Final = _PREFIX.size + 4
+_HELD_BYTES: Final = 400  # what a message in memory takes beside its data
 _CHUNK_PREFIX_BYTES: Final = 8 + 8 + 8 + 4 + 4  # times, size, CRC, length of the compression's name
 
-# What the parsers raise on damaged bytes, found by mutating good files.
+# What the parsers raise on damaged bytes, found by mutating good files; OSError is a seek to an
+# absurd place, or a disk that fails.
 DAMAGE: Final = (
     McapError, DecodeError, struct.error, ValueError, KeyError, IndexError, OverflowError,
-    EOFError, RuntimeError, MemoryError, zstandard.ZstdError,
+    OSError, EOFError, RuntimeError, MemoryError, zstandard.ZstdError,
 )  # fmt: skip
 
 
@@ -63,6 +65,7 @@ class Limits:
     record: int = 256 << 20
     chunk: int = 256 << 20  # of one chunk, unpacked
     overlap: int = 1 << 30  # of unpacked chunks that overlap in time, held together
+    chunk_records: int = 1 << 19  # of one chunk: empty messages pack to nothing, but not in memory
 
 
 DEFAULT_LIMITS: Final = Limits()
@@ -100,6 +103,8 @@ def open_mcap(path: Path) -> BinaryIO:
     """
     if path.is_dir():
         raise PomologError(f"{path} is a folder, not a session; give one of the .mcap files in it")
+    if path.exists() and not path.is_file():  # opening a pipe would wait for its other end
+        raise PomologError(f"{path} is not a file; give a session (.mcap)")
     try:
         stream = path.open("rb")
     except OSError as error:
@@ -139,6 +144,7 @@ def unpack_chunk(chunk: Chunk, limits: Limits = DEFAULT_LIMITS) -> list[McapReco
         raise McapError(f"a chunk unpacks to {len(unpacked)} bytes or more instead of {room}")
     if chunk.uncompressed_crc not in (0, zlib.crc32(unpacked)):
         raise McapError("a chunk fails its CRC")
+    _hold_against(unpacked, limits)
     plain = Chunk(
         compression="",
         data=unpacked,
@@ -148,6 +154,18 @@ def unpack_chunk(chunk: Chunk, limits: Limits = DEFAULT_LIMITS) -> list[McapReco
         uncompressed_size=room,
     )
     return breakup_chunk(plain)
+
+
+def _hold_against(unpacked: bytes, limits: Limits) -> None:
+    """Make sure that records fill a chunk exactly, and are not too many."""
+    at = records = 0
+    while at + _PREFIX.size <= len(unpacked) and records <= limits.chunk_records:
+        at += _PREFIX.size + _PREFIX.unpack_from(unpacked, at)[1]
+        records += 1
+    if records > limits.chunk_records:
+        raise McapError(f"a chunk unpacks to more than {limits.chunk_records} records")
+    if at != len(unpacked):
+        raise McapError("a chunk's records do not fill it")
 
 
 def read_record(stream: BinaryIO, limits: Limits = DEFAULT_LIMITS) -> tuple[int, bytes]:
@@ -194,10 +212,10 @@ class Container:
         self._stream = open_mcap(path)
         try:
             self._size = path.stat().st_size
-            with reporting_damage(path, "its header"):
-                self.header = self._read_header()
             with reporting_damage(path, "its index"):
                 self._read_summary()
+            with reporting_damage(path, "its header"):
+                self.header = self._read_header()
         except BaseException:
             self._stream.close()
             raise
@@ -234,7 +252,7 @@ class Container:
             PomologError: an index is damaged, or the file was written without them.
         """
         wanted = {i for i, channel in self.channels.items() if channel.topic == topic}
-        times: list[int] = []
+        times = [np.empty(0, np.uint64)]
         with reporting_damage(self.path, "its message index"):
             for chunk_index in self._chunk_indexes:
                 for channel_id, offset in chunk_index.message_index_offsets.items():
@@ -244,14 +262,14 @@ class Container:
                     opcode, body = read_record(self._stream, self.limits)
                     if opcode != Opcode.MESSAGE_INDEX:
                         raise McapError("no message index where one should be")
-                    index = MessageIndex.read(ReadDataStream(io.BytesIO(body)))
-                    if index.channel_id != channel_id:
-                        raise McapError("a message index of another channel")
-                    times.extend(time for time, _ in index.records)
+                    times.append(_index_times(body, channel_id, chunk_index))
+            found = np.sort(np.concatenate(times))
             expected = self.counts().get(topic, 0)
-            if len(times) != expected:
-                raise McapError(f"{len(times)} {topic} messages indexed, {expected} counted")
-            return np.sort(np.asarray(times, np.int64))
+            if len(found) != expected:
+                raise McapError(f"{len(found)} {topic} messages indexed, {expected} counted")
+            if len(found) and found[-1] > np.iinfo(np.int64).max:
+                raise McapError(f"a {topic} message of the year 2262 or later")
+            return found.astype(np.int64)
 
     def messages(
         self,
@@ -282,7 +300,7 @@ class Container:
         for number, chunk_index in enumerate(chunks):
             while waiting and waiting[0][0] < chunk_index.message_start_time:
                 *_, message = heapq.heappop(waiting)
-                held -= len(message.data)
+                held -= len(message.data) + _HELD_BYTES
                 yield self._raw(message)
             for place, record in enumerate(self._chunk(chunk_index)):
                 if not isinstance(record, Message) or record.channel_id not in wanted:
@@ -295,7 +313,7 @@ class Container:
                 if stop_ns is not None and record.log_time >= stop_ns:
                     continue
                 heapq.heappush(waiting, (record.log_time, number, place, record))
-                held += len(record.data)
+                held += len(record.data) + _HELD_BYTES
             if held > self.limits.overlap:
                 raise McapError(f"chunks overlap in time by more than {self.limits.overlap} bytes")
         while waiting:
@@ -329,7 +347,7 @@ class Container:
     def _chunk(self, index: ChunkIndex) -> list[McapRecord]:
         self._stream.seek(index.chunk_start_offset)
         opcode, body = read_record(self._stream, self.limits)
-        if opcode != Opcode.CHUNK:
+        if opcode != Opcode.CHUNK or _PREFIX.size + len(body) != index.chunk_length:
             raise McapError("no chunk where the index has one")
         chunk = parse_chunk(body)
         records = unpack_chunk(chunk, self.limits)
@@ -350,6 +368,8 @@ class Container:
                 if opcode != Opcode.METADATA:
                     raise McapError("no metadata where the index has some")
                 record = Metadata.read(ReadDataStream(io.BytesIO(body)))
+                if record.name != index.name:
+                    raise McapError(f"other metadata than {index.name!r} where the index has them")
                 found[record.name] = dict(record.metadata)
         return found
 
@@ -360,20 +380,23 @@ class Container:
             PomologError: at the first thing that does not agree.
         """
         with reporting_damage(self.path, "checking all of it"):
-            self._stream.seek(0)
-            reader = StreamReader(
-                self._stream,
-                validate_crcs=True,
-                emit_chunks=True,
-                record_size_limit=self.limits.record,
-            )
-            for record in reader.records:
-                if isinstance(record, Chunk):
-                    unpack_chunk(record, self.limits)
+            self._stream.seek(len(MAGIC))
+            crc = zlib.crc32(MAGIC)
+            while True:
+                opcode, body = read_record(self._stream, self.limits)
+                if opcode == Opcode.DATA_END:
+                    break
+                if opcode == Opcode.CHUNK:
+                    unpack_chunk(parse_chunk(body), self.limits)
+                crc = zlib.crc32(body, zlib.crc32(_PREFIX.pack(opcode, len(body)), crc))
+            expected = DataEnd.read(ReadDataStream(io.BytesIO(body))).data_section_crc
+            if expected not in (0, crc) or self._stream.tell() != self._summary_start:
+                raise McapError("the data before the index fail their CRC")
             for _ in self._messages(None, None, None):
                 pass
 
     def _read_header(self) -> Header:
+        self._stream.seek(len(MAGIC))
         opcode, body = read_record(self._stream, self.limits)
         if opcode != Opcode.HEADER:
             raise McapError("the first record is no header")
@@ -397,6 +420,7 @@ class Container:
             )
         if length > self.limits.record:
             raise McapError(f"an index of {length} bytes, more than {self.limits.record}")
+        self._summary_start = start
         self._stream.seek(start - _DATA_END_BYTES)  # the CRC over all data stands before the index
         data_end = self._stream.read(_DATA_END_BYTES)
         summary = self._stream.read(length)
@@ -428,6 +452,17 @@ class Container:
             raise McapError(
                 f"{len(self._chunk_indexes)} chunks indexed, {statistics.chunk_count} counted"
             )
+        self._check_places()
+
+    def _check_places(self) -> None:
+        """Every chunk and message index has a place of its own, so that none is read twice."""
+        places = sorted(self._chunk_indexes, key=lambda c: c.chunk_start_offset)
+        starts = [index.chunk_start_offset for index in places] + [self._summary_start]
+        for index, following in zip(places, starts[1:], strict=True):
+            end = index.chunk_start_offset + index.chunk_length
+            offsets = index.message_index_offsets.values()
+            if end > following or not all(end <= offset < following for offset in offsets):
+                raise McapError("chunks are indexed one over the other")
 
 
 _SUMMARY_RECORDS: Final[dict[int, Any]] = {
@@ -437,6 +472,21 @@ _SUMMARY_RECORDS: Final[dict[int, Any]] = {
     Opcode.METADATA_INDEX: MetadataIndex,
     Opcode.STATISTICS: Statistics,
 }
+
+
+def _index_times(body: bytes, channel_id: int, chunk: ChunkIndex) -> npt.NDArray[np.uint64]:
+    """The times in a message index's body; no CRC covers them, so the chunk's time bounds them."""
+    found_id, length = struct.unpack_from("<HI", body)
+    if found_id != channel_id:
+        raise McapError("a message index of another channel")
+    if length != len(body) - 6:
+        raise McapError("a message index's lengths do not add up")
+    times = np.frombuffer(body, "<u8", offset=6).reshape(-1, 2)[:, 0]
+    if len(times) and not (
+        chunk.message_start_time <= times.min() and times.max() <= chunk.message_end_time
+    ):
+        raise McapError("a message index has messages from outside its chunk's time")
+    return times
 
 
 def _records(summary: bytes) -> Iterator[McapRecord]:

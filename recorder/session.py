@@ -12,6 +12,7 @@ from typing import Any, BinaryIO, Final, Self
 
 import numpy as np
 import numpy.typing as npt
+from mcap.exceptions import McapError
 
 from recorder.container import DEFAULT_LIMITS, Container, Limits, RawMessage, reporting_damage
 from recorder.errors import PomologError
@@ -193,6 +194,8 @@ class Session:
             self.metadata = _checked_metadata(path, records.get("session"))
             self.ledger = _checked_metadata(path, records.get("ledger", {}))
             self._check_profile()
+            if not all("crc32" in record for record in records.values()):
+                raise PomologError(_fails_crc(path))  # lost: a session's metadata always have one
             self._image_times = {
                 side: self._container.times_ns(topic) for side, topic in IMAGE_TOPICS.items()
             }
@@ -319,7 +322,12 @@ class Session:
         found: dict[int, dict[str, RawMessage]] = {}
         readings: dict[int, list[RangeReading]] = {}
         due = start
+        indexed = {IMAGE_TOPICS[side]: set(self._image_times[side].tolist()) for side in SIDES}
         for message in self._container.messages(topics, *window):
+            if message.log_ns not in indexed.get(message.topic, (message.log_ns,)):
+                raise McapError(
+                    f"a {message.topic} that is not indexed"
+                )  # no CRC covers that index
             while due < stop and message.log_ns > int(times[due].max()) + READING_WINDOW_NS:
                 yield self._pair(due, found.pop(due, {}), readings.pop(due, []))
                 due += 1
@@ -459,8 +467,11 @@ def _nearest_place(sorted_times: Sequence[int], time_ns: int) -> int:
 def _checked_metadata(path: Path, entries: Mapping[str, str] | None) -> dict[str, str]:
     plain = {key: value for key, value in (entries or {}).items() if key != "crc32"}
     if entries and "crc32" in entries and entries["crc32"] != metadata_crc(plain):
-        raise PomologError(
-            f"{path} is damaged (its metadata fails its CRC); "
-            f"try: pomolog salvage {path} -o whole.mcap"
-        )
+        raise PomologError(_fails_crc(path))
     return plain
+
+
+def _fails_crc(path: Path) -> str:
+    return (
+        f"{path} is damaged (its metadata fails its CRC); try: pomolog salvage {path} -o whole.mcap"
+    )
