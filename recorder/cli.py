@@ -29,6 +29,7 @@ def _recorder() -> None:
 @app.command(epilog="Example: pomolog info sessions/demo.mcap")
 def info(session: SessionArgument, as_json: AsJson = False) -> None:
     """Say what a session holds; of a torn one, what can be saved."""
+    from recorder.profile import PROFILE
     from recorder.salvage import survey
     from recorder.session import SessionInfo, read_info
 
@@ -36,7 +37,7 @@ def info(session: SessionArgument, as_json: AsJson = False) -> None:
         found = read_info(session)
     except TornFileError as torn:
         wreck = survey(session)
-        if not wreck.chunks:
+        if not wreck.chunks or wreck.profile != PROFILE:
             raise
         found = SessionInfo(
             profile=wreck.metadata.get("session", {}).get("profile", ""),

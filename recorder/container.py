@@ -44,11 +44,11 @@ from mcap.stream_reader import breakup_chunk
 from recorder.errors import PomologError, TornFileError
 
 MAGIC: Final = bytes((137, 77, 67, 65, 80, 48, 13, 10))
-_PREFIX: Final = struct.Struct("<BQ")  # opcode, length: before every record
-_FOOTER_BYTES: Final = _PREFIX.size + 20
-_DATA_END_BYTES: Final = _PREFIX.size + 4
+RECORD_PREFIX: Final = struct.Struct("<BQ")  # opcode, length: before every record
+_FOOTER_BYTES: Final = RECORD_PREFIX.size + 20
+_DATA_END_BYTES: Final = RECORD_PREFIX.size + 4
 _HELD_BYTES: Final = 400  # what a message in memory takes beside its data
-_CHUNK_PREFIX_BYTES: Final = 8 + 8 + 8 + 4 + 4  # times, size, CRC, length of the compression's name
+CHUNK_PREFIX: Final = struct.Struct("<QQQII")  # times, size, CRC, length of the compression's name
 
 # What the parsers raise on damaged bytes, found by mutating good files; OSError is a seek to an
 # absurd place, or a disk that fails.
@@ -159,8 +159,8 @@ def unpack_chunk(chunk: Chunk, limits: Limits = DEFAULT_LIMITS) -> list[McapReco
 def _hold_against(unpacked: bytes, limits: Limits) -> None:
     """Make sure that records fill a chunk exactly, and are not too many."""
     at = records = 0
-    while at + _PREFIX.size <= len(unpacked) and records <= limits.chunk_records:
-        at += _PREFIX.size + _PREFIX.unpack_from(unpacked, at)[1]
+    while at + RECORD_PREFIX.size <= len(unpacked) and records <= limits.chunk_records:
+        at += RECORD_PREFIX.size + RECORD_PREFIX.unpack_from(unpacked, at)[1]
         records += 1
     if records > limits.chunk_records:
         raise McapError(f"a chunk unpacks to more than {limits.chunk_records} records")
@@ -175,10 +175,10 @@ def read_record(stream: BinaryIO, limits: Limits = DEFAULT_LIMITS) -> tuple[int,
         EOFError: the file ends within the record.
         McapError: the record is larger than the limit.
     """
-    prefix = stream.read(_PREFIX.size)
-    if len(prefix) < _PREFIX.size:
+    prefix = stream.read(RECORD_PREFIX.size)
+    if len(prefix) < RECORD_PREFIX.size:
         raise EOFError("the file ends within a record")
-    opcode, length = _PREFIX.unpack(prefix)
+    opcode, length = RECORD_PREFIX.unpack(prefix)
     if length > limits.record:
         raise McapError(f"a record of {length} bytes, more than {limits.record}")
     body = stream.read(length)
@@ -189,11 +189,11 @@ def read_record(stream: BinaryIO, limits: Limits = DEFAULT_LIMITS) -> tuple[int,
 
 def parse_chunk(body: bytes) -> Chunk:
     """Parse a chunk record's body; every length inside is held against the body's."""
-    if len(body) < _CHUNK_PREFIX_BYTES:
+    if len(body) < CHUNK_PREFIX.size:
         raise McapError("a chunk record is too short")
     chunk: Chunk = Chunk.read(ReadDataStream(io.BytesIO(body)))
     name_bytes = len(chunk.compression.encode())
-    if _CHUNK_PREFIX_BYTES + name_bytes + 8 + len(chunk.data) != len(body):
+    if CHUNK_PREFIX.size + name_bytes + 8 + len(chunk.data) != len(body):
         raise McapError("a chunk record's lengths do not add up")
     return chunk
 
@@ -347,7 +347,7 @@ class Container:
     def _chunk(self, index: ChunkIndex) -> list[McapRecord]:
         self._stream.seek(index.chunk_start_offset)
         opcode, body = read_record(self._stream, self.limits)
-        if opcode != Opcode.CHUNK or _PREFIX.size + len(body) != index.chunk_length:
+        if opcode != Opcode.CHUNK or RECORD_PREFIX.size + len(body) != index.chunk_length:
             raise McapError("no chunk where the index has one")
         chunk = parse_chunk(body)
         records = unpack_chunk(chunk, self.limits)
@@ -388,7 +388,7 @@ class Container:
                     break
                 if opcode == Opcode.CHUNK:
                     unpack_chunk(parse_chunk(body), self.limits)
-                crc = zlib.crc32(body, zlib.crc32(_PREFIX.pack(opcode, len(body)), crc))
+                crc = zlib.crc32(body, zlib.crc32(RECORD_PREFIX.pack(opcode, len(body)), crc))
             expected = DataEnd.read(ReadDataStream(io.BytesIO(body))).data_section_crc
             if expected not in (0, crc) or self._stream.tell() != self._summary_start:
                 raise McapError("the data before the index fail their CRC")
@@ -411,7 +411,7 @@ class Container:
                 f"{self.path} ends without an index; was recording cut off? "
                 f"try: pomolog salvage {self.path} -o whole.mcap"
             )
-        footer = Footer.read(ReadDataStream(io.BytesIO(tail[_PREFIX.size :])))
+        footer = Footer.read(ReadDataStream(io.BytesIO(tail[RECORD_PREFIX.size :])))
         start = footer.summary_start
         length = self._size - tail_bytes - start
         if not _DATA_END_BYTES < start < self._size or length < 0:
@@ -425,7 +425,7 @@ class Container:
         data_end = self._stream.read(_DATA_END_BYTES)
         summary = self._stream.read(length)
         self.fingerprint = hashlib.sha256(data_end + summary).hexdigest()[:16]
-        footer_start = tail[: _PREFIX.size + 16]
+        footer_start = tail[: RECORD_PREFIX.size + 16]
         if footer.summary_crc not in (0, zlib.crc32(footer_start, zlib.crc32(summary))):
             raise McapError("the index fails its CRC")
         self.schemas: dict[int, Schema] = {}
