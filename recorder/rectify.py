@@ -17,6 +17,8 @@ from recorder.rig import Camera, Floats, Rig
 
 FLAT_TOLERANCE_PX = 1e-3  # a rig parallel to a thousandth of a pixel needs no resampling
 
+FACING_TOGETHER = np.cos(np.pi / 4)  # optical axes further apart than 45 degrees see no fruit twice
+
 Circles = Floats
 """(N, 3) float64: x, y, radius in pixels."""
 
@@ -170,12 +172,18 @@ def _parallel_cameras(rig: Rig) -> tuple[tuple[Floats, Floats], tuple[Floats, Fl
         rig.left.matrix, rig.left.distortion, rig.right.matrix, rig.right.distortion,
         rig.left.size_px, rig.rotation, rig.translation_m.reshape(3, 1),
     )  # fmt: skip
+    if len({camera.lens == "kannala_brandt" for camera in (rig.left, rig.right)}) > 1:
+        raise PomologError(
+            f"the left lens is {rig.left.lens} and the right {rig.right.lens}; "
+            "both or neither can be kannala_brandt"
+        )
     if stereo_rectify is not None:
         r1, r2, p1, p2, _ = stereo_rectify(*arguments, flags=cv2.CALIB_ZERO_DISPARITY)
     else:
         r1, r2, p1, p2, *_ = cv2.stereoRectify(*arguments, flags=cv2.CALIB_ZERO_DISPARITY)
     focal_px = float(p1[0, 0])
-    if not np.isfinite(focal_px) or focal_px < 1 or abs(p2[1, 3]) > abs(p2[0, 3]):
+    facing_apart = rig.rotation[2, 2] < FACING_TOGETHER
+    if facing_apart or not np.isfinite(focal_px) or focal_px < 1 or abs(p2[1, 3]) > abs(p2[0, 3]):
         raise PomologError(
             "the rig cannot be made parallel (one camera above the other, or facing apart); "
             "is its calibration right?"

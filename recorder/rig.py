@@ -17,6 +17,7 @@ import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from recorder.errors import PomologError
+from recorder.pictures import MAX_SIDE_PX
 
 Floats = npt.NDArray[np.float64]
 
@@ -66,7 +67,8 @@ class Rig:
     """Two cameras, the second seen from the first, and perhaps a rangefinder.
 
     Raises:
-        PomologError: the cameras are swapped, or the translation is not in metres.
+        PomologError: the cameras are swapped, the translation is not in metres, the rotation is
+            none, or a focal length is not positive.
     """
 
     left: Camera
@@ -76,7 +78,18 @@ class Rig:
     rangefinder: Rangefinder | None = None
 
     def __post_init__(self) -> None:
-        if not np.allclose(self.rotation @ self.rotation.T, np.eye(3), atol=1e-4):
+        for side in ("left", "right"):
+            size_px = self.camera(side).size_px
+            if not all(0 < length <= MAX_SIDE_PX for length in size_px):
+                raise PomologError(
+                    f"the {side} camera has {size_px[0]} x {size_px[1]} px (image_width, "
+                    f"image_height or size_px); no camera has"
+                )
+            focal_px = np.diag(self.camera(side).matrix)[:2]
+            if not (np.isfinite(focal_px) & (focal_px > 0)).all():
+                raise PomologError(f"the {side} camera has no finite, positive focal length")
+        orthogonal = np.allclose(self.rotation @ self.rotation.T, np.eye(3), atol=1e-4)
+        if not orthogonal or np.linalg.det(self.rotation) < 0:
             raise PomologError(
                 "the rig's rotation is no rotation matrix; x_right = R x_left + T is what is meant"
             )
@@ -149,6 +162,7 @@ def load_rig(path: Path) -> Rig:
 
 
 _Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
+_Focal = Annotated[float, Field(gt=0)]
 
 
 class _CameraTable(BaseModel):
@@ -157,7 +171,7 @@ class _CameraTable(BaseModel):
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
 
     size_px: tuple[Annotated[int, Field(gt=0)], Annotated[int, Field(gt=0)]]
-    focal_px: float | tuple[float, float] | None = None
+    focal_px: _Focal | tuple[_Focal, _Focal] | None = None
     focal_mm: Annotated[float, Field(gt=0)] | None = None
     pixel_pitch_um: Annotated[float, Field(gt=0)] | None = None
     centre_px: tuple[float, float] | None = None
@@ -166,7 +180,8 @@ class _CameraTable(BaseModel):
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
-        if (self.focal_px is None) == (self.focal_mm is None or self.pixel_pitch_um is None):
+        given = [value is not None for value in (self.focal_px, self.focal_mm, self.pixel_pitch_um)]
+        if given not in ([True, False, False], [False, True, True]):
             raise ValueError("give focal_px, or focal_mm with pixel_pitch_um")
         if len(self.distortion) not in LENS_COEFFICIENTS[self.lens]:
             wanted = " or ".join(map(str, LENS_COEFFICIENTS[self.lens]))
@@ -201,6 +216,12 @@ class _RangefinderTable(BaseModel):
     origin_m: _Vector
     direction: _Vector = [0.0, 0.0, 1.0]
     std_m: Annotated[float, Field(gt=0)] = 0.001
+
+    @model_validator(mode="after")
+    def _aimed(self) -> Self:
+        if not any(self.direction):
+            raise ValueError("direction must not be zero")
+        return self
 
     def rangefinder(self) -> Rangefinder:
         direction = np.asarray(self.direction)
@@ -248,11 +269,13 @@ def _read_opencv(path: Path) -> Rig:
         )
         arrays = {key: storage.getNode(key).mat() for key in ("M1", "D1", "M2", "D2", "R", "T")}
         storage.release()
-    except (cv2.error, SystemError) as error:
-        raise PomologError(f"not an OpenCV YAML: {str(error).splitlines()[0]}") from None
+    except (cv2.error, SystemError):  # its own words are of its source, not of the file
+        raise PomologError(
+            "not an OpenCV YAML with image_width, image_height, M1, D1, M2, D2, R, T; "
+            "did cv2.FileStorage write it?"
+        ) from None
     missing = [key for key, value in arrays.items() if value is None]
-    if missing or min(size_px) <= 0:
-        missing += ["image_width, image_height"] if min(size_px) <= 0 else []
+    if missing:
         raise PomologError(f"no {', '.join(missing)}; an OpenCV stereo calibration has them")
     numbers = {key: np.asarray(value, float) for key, value in arrays.items()}
     if not all(np.isfinite(value).all() for value in numbers.values()):

@@ -207,7 +207,7 @@ class _Ground:
             first_ns, last_ns, _, _, name_bytes = CHUNK_PREFIX.unpack(header)
             rest = end - at - RECORD_PREFIX.size - CHUNK_PREFIX.size - name_bytes - 8
             lengths = self.read(end - rest - 8, 8) if rest >= 0 else b""
-            return first_ns <= last_ns and lengths == rest.to_bytes(8, "little")
+            return bool(first_ns <= last_ns) and lengths == rest.to_bytes(8, "little")
         return self.may_begin(end)
 
 
