@@ -2,11 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Annotated, Final
 
 import cv2
 import numpy as np
 import numpy.typing as npt
+from annotated_types import Ge, Gt
 
 from processor.trace import CircleFinder, Circles, Cleaning, Floats, Fruit, Region, Seed
 
@@ -26,10 +27,14 @@ class RandomRing:
             at about 770 to 1540 mm, less than the 400 to 1500 mm that it claims.
     """
 
-    rounds: int = 400  # Sec. 3.2, Fig. 6: the variance of the radius is flat beyond 400
-    ring_px: float = 5.0  # Sec. 3.2: "R_w was set to 5 according to the experience"
-    min_radius_px: float = 30.0  # Sec. 2.4
-    max_radius_px: float = 60.0  # Sec. 2.4
+    rounds: Annotated[int, Ge(1)] = (
+        400  # Sec. 3.2, Fig. 6: the variance of the radius is flat beyond 400
+    )
+    ring_px: Annotated[float, Ge(0)] = (
+        5.0  # Sec. 3.2: "R_w was set to 5 according to the experience"
+    )
+    min_radius_px: Annotated[float, Gt(0)] = 30.0  # Sec. 2.4
+    max_radius_px: Annotated[float, Gt(0)] = 60.0  # Sec. 2.4
 
     def __call__(self, cleaning: Cleaning, seed: Seed) -> Circles:
         """Fit at most one circle to each region; a region without a valid ring has no fruit."""
@@ -65,8 +70,10 @@ class RandomRing:
         rings = []
         for number, (middle, end) in enumerate(zip(middles, ends, strict=True)):
             mine = slice(starts[number], starts[number + 1])
-            beyond = np.abs(circle_terms[mine] @ point_terms[:, end - lengths[number] : end])
-            on_ring = beyond <= (2 * self.ring_px * radius[mine])[:, None]
+            beyond = circle_terms[mine] @ point_terms[:, end - lengths[number] : end]
+            whole = radius[mine] < self.ring_px  # a ring so wide has no inner edge
+            beyond[whole] = np.maximum(beyond[whole], 0)
+            on_ring = np.abs(beyond) <= (2 * self.ring_px * radius[mine])[:, None]
             counts = np.count_nonzero(on_ring, axis=1)
             rings.append(
                 np.column_stack([x[mine] + middle[0], y[mine] + middle[1], radius[mine], counts])
@@ -118,11 +125,11 @@ class HoughCircles:
         margin_px: room around a region, so that circles larger than it keep their centre.
     """
 
-    min_radius_px: int = 30  # Sec. 3.2
-    max_radius_px: int = 60  # Sec. 3.2
-    canny: float = 100.0
-    votes: float = 8.0
-    margin_px: int = 60
+    min_radius_px: Annotated[int, Ge(1)] = 30  # Sec. 3.2
+    max_radius_px: Annotated[int, Ge(1)] = 60  # Sec. 3.2
+    canny: Annotated[float, Gt(0)] = 100.0
+    votes: Annotated[float, Gt(0)] = 8.0
+    margin_px: Annotated[int, Ge(0)] = 60
 
     def __call__(self, cleaning: Cleaning, seed: Seed) -> Circles:  # noqa: ARG002  # nothing random
         """Fit at most one circle to each region, the one with the most votes."""

@@ -1,10 +1,11 @@
 """Clean a mask and find its regions (paper, Sec. 2.3)."""
 
 from dataclasses import dataclass
-from typing import Final, Literal, cast
+from typing import Annotated, Final, Literal, cast
 
 import cv2
 import numpy as np
+from annotated_types import Ge
 
 from processor.trace import Cleaner, Cleaning, Mask, Recognition, Region
 
@@ -26,8 +27,10 @@ class AreaRule:
             that other reading.
     """
 
-    smallest_share: float = 1 / 8  # Sec. 2.3
-    kernel_px: int = 3  # Sec. 2.3: "3 x 3 square structuring elements were applied once"
+    smallest_share: Annotated[float, Ge(0)] = 1 / 8  # Sec. 2.3
+    kernel_px: Annotated[int, Ge(1)] = (
+        3  # Sec. 2.3: "3 x 3 square structuring elements were applied once"
+    )
     order: Order = "area_first"
 
     def __call__(self, recognition: Recognition) -> Cleaning:

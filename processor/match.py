@@ -2,9 +2,10 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Annotated, Final
 
 import numpy as np
+from annotated_types import Ge
 
 from processor.trace import Floats, Fruit, Mask, Matcher, Matching, ViewTrace
 
@@ -25,15 +26,17 @@ class AreaInOrder:
         reference_line: ignore left fruit on the left of the reference line.
     """
 
-    largest_difference: float = 0.5
+    largest_difference: Annotated[float, Ge(0)] = 0.5
     in_order: bool = True
     reference_line: bool = True
 
     def __call__(self, left: ViewTrace, right: ViewTrace) -> Matching:
         """Match the fruit of two rectified views; each fruit at most once."""
-        projections = np.stack([_column_sums(v.cleaning.mask) for v in (left, right)])
-        correlation = _cross_correlation(*projections)
-        reference_px = int(np.argmax(correlation)) if self.reference_line else None
+        reference_px, projections, correlation = None, np.empty((2, 0)), np.empty(0)
+        if self.reference_line:
+            projections = np.stack([_column_sums(v.cleaning.mask) for v in (left, right)])
+            correlation = _cross_correlation(*projections)
+            reference_px = int(np.argmax(correlation))
         lefts, rights = left.circles.fruit, right.circles.fruit
         ignored = tuple(
             i for i, f in enumerate(lefts) if reference_px is not None and f.x_px < reference_px

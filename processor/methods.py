@@ -1,6 +1,7 @@
 """Named methods: which alternative each stage takes, as a name or as a TOML file."""
 
 import json
+import math
 import tomllib
 from collections.abc import Mapping
 from dataclasses import asdict, fields, replace
@@ -73,7 +74,7 @@ def locator_from(table: Mapping[str, Any]) -> Locator:
         PomologError: an unknown base, stage, alternative, parameter, or a value of a wrong kind.
     """
     base = table.get("base", "paper")
-    if base not in METHODS:
+    if not isinstance(base, str) or base not in METHODS:
         raise PomologError(f"base = {base!r} is no method; choose {', '.join(METHODS)}")
     unknown = set(table) - {"base", "name", *STAGES}
     if unknown:
@@ -93,14 +94,16 @@ def _alternative(
     if not isinstance(table, Mapping):
         raise PomologError(f"[{stage}] must be a table with `use` and parameters")
     use = table.get("use", _name_of(alternatives, current))
-    if use not in alternatives:
+    if not isinstance(use, str) or use not in alternatives:
         raise PomologError(f"[{stage}] use = {use!r}; there are {', '.join(alternatives)}")
     kind = alternatives[use]
     given = {key: value for key, value in table.items() if key != "use"}
     known = [field.name for field in fields(kind)]
-    for key in given:
+    for key, value in given.items():
         if key not in known:
             raise PomologError(f"[{stage}] {use} has no {key!r}; it has {', '.join(known)}")
+        if isinstance(value, float) and not math.isfinite(value):
+            raise PomologError(f"[{stage}] {key}: {value} is no number to work with")
     start = asdict(current) if isinstance(current, kind) else {}
     try:
         return TypeAdapter(kind).validate_python({**start, **given})
@@ -115,7 +118,10 @@ def _name_of(alternatives: Mapping[str, type[Any]], chosen: Any) -> str:
 
 
 def describe(locator: Locator) -> dict[str, dict[str, Any]]:
-    """Every stage's alternative and every parameter, ready for JSON or TOML."""
+    """Every stage's alternative and every parameter, ready for JSON.
+
+    A file in TOML, which has no null, leaves out the parameters that are None.
+    """
     return {
         stage: {
             "use": _name_of(alternatives, getattr(locator, stage)),

@@ -2,9 +2,10 @@
 
 import math
 from dataclasses import dataclass
-from typing import Final
+from typing import Annotated, Final
 
 import numpy as np
+from annotated_types import Ge
 
 from processor.trace import Apple, Circles, Fruit, Matching, Triangulator
 from recorder.rectify import Rectification
@@ -21,7 +22,7 @@ class Parallel:
         min_disparity_px: matches of less are dropped: behind infinity there is no apple.
     """
 
-    min_disparity_px: float = 1.0
+    min_disparity_px: Annotated[float, Ge(0)] = 1.0
 
     def __call__(
         self, left: Circles, right: Circles, matching: Matching, rectification: Rectification
@@ -44,7 +45,7 @@ class Parallel:
         self, i: int, j: int, left: Fruit, right: Fruit, rectification: Rectification
     ) -> Apple | None:
         disparity_px = rectification.disparity_px(left.x_px, right.x_px)
-        if disparity_px < self.min_disparity_px:
+        if disparity_px <= 0 or disparity_px < self.min_disparity_px:
             return None
         matrix = rectification.left.matrix
         z_m = rectification.focal_px * rectification.baseline_m / disparity_px
