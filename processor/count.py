@@ -164,13 +164,16 @@ def true_discs(
         depths = (centres @ rectification.left.rotation.T)[:, 2]
         ahead = depths > 0.05  # nearer or behind the camera there is no disc
         places = rectification.project(side, centres)
-        circles = np.column_stack([places, rectification.focal_px * radii / depths])
+        sizes_px = rectification.focal_px * radii / np.where(ahead, depths, 1.0)
+        circles = np.column_stack([places, sizes_px])
         said = [a.left_visible if side == "left" else a.right_visible for a in truth.apples]
         visible = np.array([np.nan if v is None else v for v in said], float)
         visible[~ahead] = 0.0
         if labels is not None:
             visible = _seen(visible, truth, circles, labels)
         circles[~ahead] = 0.0
+        outside = _outside(circles, rectification.view(side).camera.size_px)
+        visible[np.isnan(visible) & outside] = 0.0
         return Discs(tuple(a.id for a in truth.apples), circles, visible)
     if labels is None or not truth.identified:
         return None
@@ -182,10 +185,18 @@ def true_discs(
 def _seen(visible: Floats, truth: FrameTruth, circles: Floats, labels: Labels) -> Floats:
     """Fill in what nobody said: labelled pixels over the disc's area."""
     counts = np.bincount(labels.ravel(), minlength=UNCOUNTED + 1)
-    pixels = np.array([counts[a.id] for a in truth.apples or ()], float)
+    pixels = np.array(
+        [counts[a.id] if 0 < a.id < UNCOUNTED else 0 for a in truth.apples or ()], float
+    )
     with np.errstate(divide="ignore", invalid="ignore"):
         share = np.minimum(pixels / (math.pi * circles[:, 2] ** 2), 1.0)
     return np.where(np.isnan(visible), share, visible)
+
+
+def _outside(circles: Floats, size_px: tuple[int, int]) -> npt.NDArray[np.bool_]:
+    """(N,) which discs have no part in the picture."""
+    places, radii = circles[:, :2], circles[:, 2:]
+    return np.asarray(((places < -radii) | (places > size_px + radii)).any(axis=1))
 
 
 def _enclosing(mask: npt.NDArray[np.bool_]) -> tuple[float, float, float]:

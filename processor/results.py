@@ -37,7 +37,7 @@ APPLES: Final = pa.schema(
         ("surface_range_m", _F64),
         ("confidence", _F64),
         *((f"{side}_{what}", pa.int32()) for side in _SIDES for what in ("inliers", "area_px")),
-        *((f"{side}_truth", pa.int32()) for side in _SIDES),
+        *((f"{side}_truth", pa.int64()) for side in _SIDES),
         ("match_cost", _F64),
     ]
 )
@@ -60,7 +60,7 @@ FRAMES: Final = pa.schema(
 TRUTH: Final = pa.schema(
     [
         *_KEY,
-        ("apple_id", pa.int32()),
+        ("apple_id", pa.int64()),
         ("distance_m", _F64),
         ("left_visible", _F64),
         ("right_visible", _F64),

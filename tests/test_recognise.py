@@ -10,6 +10,7 @@ from processor.recognise import (
     RedMinusLuma,
     TwoRedMinusGreenBlue,
 )
+from processor.trace import Recogniser
 from recorder.records import Picture
 from tests.scenes import LEAF, RED, red_disc_picture
 
@@ -127,7 +128,7 @@ def test_a_fixed_threshold_of_zero_is_not_otsus(
 def test_red_is_fruit_and_a_leaf_is_not_by_every_rule() -> None:
     picture = np.array([[RED, LEAF]], np.uint8)
     readings: tuple[Reading, ...] = ("signed", "difference", "absolute")
-    rules = [ColourRatio(r) for r in readings]
+    rules: list[Recogniser] = [ColourRatio(reading) for reading in readings]
     for rule in (*rules, TwoRedMinusGreenBlue(), RedMinusLuma()):
         assert rule(picture).mask.tolist() == [[255, 0]]
 
