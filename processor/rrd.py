@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 import rerun as rr
+from rerun import bindings
 
 from processor.count import Discs, true_discs
 from processor.trace import Circles, Mask, Trace, ViewTrace
@@ -80,6 +81,10 @@ class RrdWriter:
     ) -> None:
         self._rec.flush()
         self._rec.disconnect()
+        # Rerun keeps every recording of the process, two threads and a megabyte each, until it is
+        # asked to let go of those that nobody holds; a long session has hundreds of slices
+        del self._rec
+        bindings.flush_and_cleanup_orphaned_recordings()
 
     def write(self, pair: StereoPair, trace: Trace, decode_ns: int) -> None:
         """Draw one frame."""
