@@ -8,11 +8,14 @@ killed goes on with the slices that are missing.
 import hashlib
 import json
 import multiprocessing
+import os
 import platform
 import shutil
 import subprocess
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -105,12 +108,31 @@ def replay(
         pool = None
         if workers > 1:
             context = multiprocessing.get_context("spawn")  # a fork would copy threads' locks
-            pool = stack.enter_context(ProcessPoolExecutor(workers, mp_context=context))
+            pool = stack.enter_context(
+                ProcessPoolExecutor(workers, mp_context=context, initializer=_end_with_parent)
+            )
         for path in sessions:
             try:
                 yield _replay_session(path, out / path.stem, locator, method, seed, pool, rrd, tick)
             except PomologError as error:
                 yield error
+            except BrokenProcessPool:
+                yield PomologError(
+                    f"a worker on {path} was killed, perhaps for want of memory; "
+                    "run the same command again with fewer --workers, it goes on"
+                )
+
+
+def _end_with_parent() -> None:
+    """In a worker: end when a killed run leaves it behind, so that none meets its successor."""
+
+    def wait() -> None:
+        parent = multiprocessing.parent_process()
+        assert parent is not None
+        parent.join()
+        os._exit(1)
+
+    threading.Thread(target=wait, daemon=True).start()
 
 
 def _replay_session(
@@ -139,6 +161,8 @@ def _replay_session(
         for stale in out.glob(".parts-*"):
             if stale != parts:
                 shutil.rmtree(stale)
+        for unfinished in out.glob("*.part"):  # a killed run was joining its parts
+            unfinished.unlink()
         parts.mkdir(exist_ok=True)
         (out / "run.json").unlink(missing_ok=True)  # what it spoke of is about to change
     jobs = [
@@ -253,7 +277,7 @@ def _join(jobs: Sequence[Job], out: Path, rrd: RrdChoice) -> None:
         return
     with replacing(trace) as part:
         if len(jobs) == 1:
-            (jobs[0].part / "trace.rrd").replace(part)
+            shutil.copyfile(jobs[0].part / "trace.rrd", part)  # a kill now must lose nothing
             return
         join_recordings([job.part / "trace.rrd" for job in jobs], part)
 

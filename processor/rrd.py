@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 import rerun as rr
-from rerun import bindings
+import rerun_bindings
 
 from processor.count import Discs, true_discs
 from processor.trace import Circles, Mask, Trace, ViewTrace
@@ -84,7 +84,7 @@ class RrdWriter:
         # Rerun keeps every recording of the process, two threads and a megabyte each, until it is
         # asked to let go of those that nobody holds; a long session has hundreds of slices
         del self._rec
-        bindings.flush_and_cleanup_orphaned_recordings()
+        rerun_bindings.flush_and_cleanup_orphaned_recordings()
 
     def write(self, pair: StereoPair, trace: Trace, decode_ns: int) -> None:
         """Draw one frame."""
@@ -173,7 +173,8 @@ class RrdWriter:
             if labels is not None:
                 labels = self._rectification.view(side).labels(labels)
             discs = true_discs(truth, side, labels, self._rectification)
-        if discs is None:
+        if discs is None:  # of the frame before there may have been some
+            self._log(f"world/{side}/truth", rr.Ellipses2D(centers=[], half_sizes=[]))
             return
         shown = [i for i, wanted in enumerate(discs.wanted) if wanted]
         self._log(
@@ -216,17 +217,17 @@ class RrdWriter:
                 fill_mode="solid",
             ),
         )
-        if pair.truth is not None and pair.truth.apples is not None:
-            self._log(
-                "world/truth",
-                rr.Ellipsoids3D(
-                    centers=[a.centre_m for a in pair.truth.apples],
-                    radii=[a.radius_m for a in pair.truth.apples],
-                    colors=TRUTH,
-                    labels=[f"true {a.id}" for a in pair.truth.apples],
-                    show_labels=False,
-                ),
-            )
+        known = () if pair.truth is None else pair.truth.apples or ()
+        self._log(
+            "world/truth",
+            rr.Ellipsoids3D(
+                centers=[a.centre_m for a in known],
+                radii=[a.radius_m for a in known],
+                colors=TRUTH,
+                labels=[f"true {a.id}" for a in known],
+                show_labels=False,
+            ),
+        )
         if self._rig.rangefinder is not None:
             self._draw_beam(pair)
 

@@ -26,14 +26,14 @@ def find_runs(outs: Sequence[Path]) -> tuple[Run, ...]:
     Raises:
         PomologError: there are none, or one was made by another version.
     """
-    runs = []
+    runs: dict[Path, Run] = {}  # named twice, results count once
     for out in outs:
         found = [out] if (out / "run.json").is_file() else []
         found += sorted(path.parent for path in out.glob("*/run.json"))
         if not found:
             raise PomologError(f"no results in {out}; make them with: pomolog replay S -o {out}")
-        runs += [_read_run(folder) for folder in found]
-    return tuple(runs)
+        runs |= {folder.resolve(): _read_run(folder) for folder in found}
+    return tuple(runs.values())
 
 
 def _read_run(folder: Path) -> Run:

@@ -137,13 +137,17 @@ def stereo_session(
     """A session with one pair a second, the apples of each drawn and, with `truth`, told."""
     rig = rig or small_rig()
     metadata = {"lighting": lighting} if lighting else {}
+    drawn: dict[tuple[Side, tuple[AppleTruth, ...]], tuple[bytes, Labels]] = {}
     with SessionWriter.create(path, rig, metadata) as writer:
         for number, apples in enumerate(frames):
             time_ns = number * 1_000_000_000
             labels = {}
             for side in SIDES:
-                picture, labels[side] = draw(rig, side, apples)
-                data = encoded(picture, encoding)
+                key = (side, tuple(apples))
+                if key not in drawn:
+                    picture, seen = draw(rig, side, apples)
+                    drawn[key] = encoded(picture, encoding), seen
+                data, labels[side] = drawn[key]
                 size_px = rig.camera(side).size_px
                 writer.write_frame(Frame(side, time_ns, encoding, data, size_px, number))
             if truth:
