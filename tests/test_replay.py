@@ -1,7 +1,8 @@
-"""Replay: the same rows whoever does the work, resuming after a kill, and memory that stays flat."""
+"""Replay: the same rows whoever does the work, resuming after a kill, and flat memory."""
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -252,10 +253,10 @@ def test_a_run_killed_while_it_was_joining_goes_on(
     session = tiny_session(tmp_path / "row.mcap", pairs)
     out = tmp_path / "out/row"
 
-    def killed(folder: Path, *_: object, **__: object) -> None:
+    def killed(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(module.shutil, "rmtree", killed)  # the last thing of all
+    monkeypatch.setattr(shutil, "rmtree", killed)  # the last thing of all
     with pytest.raises(KeyboardInterrupt):
         run([session], tmp_path / "out")
     (out / "run.json").unlink()  # as if it had been killed just before that
