@@ -277,7 +277,9 @@ def test_joined_slices_say_what_one_slice_says(
     in_slices: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(module, "SLICE_PAIRS", 32)
-    (done,) = replay([in_slices.parent.parent / "row.mcap"], in_slices.parent.parent / "whole", TINY)
+    (done,) = replay(
+        [in_slices.parent.parent / "row.mcap"], in_slices.parent.parent / "whole", TINY
+    )
     assert isinstance(done, Replayed)
     joined, whole = Recording(in_slices), Recording(done.out / "trace.rrd")
     assert joined.columns.keys() == whole.columns.keys()

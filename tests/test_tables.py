@@ -1,13 +1,14 @@
 """Scores as people read them."""
 
+import pytest
 from rich.console import Console
 
 from processor.score import FrameRow, FruitRow, Score, score
-from processor.tables import score_table
+from processor.tables import score_table, wide_console
 
 
-def printed(**groups: Score) -> str:
-    console = Console(width=120, no_color=True)
+def printed(*, width: int = 120, **groups: Score) -> str:
+    console = Console(width=width, no_color=True)
     with console.capture() as capture:
         console.print(score_table(groups))
     return capture.get()
@@ -46,3 +47,16 @@ def test_unknown_false_positives_print_as_a_question() -> None:
 def test_groups_stand_side_by_side() -> None:
     one, two = (score([FrameRow((n, 0, 10 - n), None, None, {})], []) for n in (4, 9))
     assert line(printed(all=one, front=two), "pixels hits")[1:] == ["40.0", "90.0"]
+
+
+def test_a_groups_name_is_whole_on_a_narrow_terminal() -> None:
+    names = ("all", "lighting=front", "lighting=back", "lighting=cloudy", "lighting=indoor")
+    text = printed(width=80, **{name: score([], []) for name in names})
+    for word in ("front", "back", "cloudy", "indoor"):
+        assert word in text
+
+
+def test_in_a_pipe_no_row_of_the_table_is_wrapped(capsys: pytest.CaptureFixture[str]) -> None:
+    names = ("all", "lighting=front", "lighting=back", "lighting=cloudy", "lighting=indoor")
+    wide_console().print(score_table({name: score([], []) for name in names}))
+    assert "matches right / wrong / missed" in capsys.readouterr().out

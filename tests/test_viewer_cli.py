@@ -1,0 +1,50 @@
+"""The commands view and demo."""
+
+from pathlib import Path
+
+import pytest
+
+import viewer.cli
+from tests.scenes import apple, stereo_session
+from tests.test_processor_cli import Command, assert_one_line
+
+
+@pytest.fixture
+def command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Command:
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    return Command(monkeypatch, capsys)
+
+
+def test_view_of_nothing_is_one_line(command: Command, tmp_path: Path) -> None:
+    assert_one_line(command("view", tmp_path), "no recording in", "pomolog replay")
+
+
+def test_view_without_a_screen_is_one_line(command: Command, tmp_path: Path) -> None:
+    session = stereo_session(tmp_path / "row.mcap", [[apple(1)]])
+    assert_one_line(command("view", session), "no screen", "--web")
+
+
+def test_demo_replays_scores_by_lighting_and_says_how_to_look(
+    command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name, lighting in (("demo", "front"), ("demo2", "back")):
+        stereo_session(tmp_path / f"{name}.mcap", [[apple(1, seen=1.0)]], lighting=lighting)
+    monkeypatch.setattr(viewer.cli, "DEMO_SESSION", tmp_path / "demo.mcap")
+    monkeypatch.setattr("os.cpu_count", lambda: 1)
+    out = tmp_path / "out"
+    said = command("demo", "-o", out)
+    assert said.code == 0, said.err
+    for words in ("lighting=front", "lighting=back", "matches right / wrong / missed"):
+        assert words in said.out
+    for name in ("demo", "demo2"):
+        assert f"recording: {out / name / 'trace.rrd'}" in said.out
+        assert (out / name / "trace.rbl").is_file()
+    assert f"view {out}" in said.out
+
+
+def test_a_demo_without_its_session_is_one_line(
+    command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(viewer.cli, "DEMO_SESSION", tmp_path / "demo.mcap")
+    assert_one_line(command("demo", "-o", tmp_path / "out"), "demo.mcap", "checkout")
