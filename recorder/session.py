@@ -12,7 +12,6 @@ from typing import Any, BinaryIO, Final, Self
 
 import numpy as np
 import numpy.typing as npt
-from mcap.exceptions import McapError
 
 from recorder.container import DEFAULT_LIMITS, Container, Limits, RawMessage, reporting_damage
 from recorder.errors import PomologError
@@ -325,9 +324,7 @@ class Session:
         indexed = {IMAGE_TOPICS[side]: set(self._image_times[side].tolist()) for side in SIDES}
         for message in self._container.messages(topics, *window):
             if message.log_ns not in indexed.get(message.topic, (message.log_ns,)):
-                raise McapError(
-                    f"a {message.topic} that is not indexed"
-                )  # no CRC covers that index
+                raise ValueError(f"a {message.topic} that is not indexed")  # no CRC covers that
             while due < stop and message.log_ns > int(times[due].max()) + READING_WINDOW_NS:
                 yield self._pair(due, found.pop(due, {}), readings.pop(due, []))
                 due += 1
