@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from rich import box
 from rich.table import Table
 
-from processor.score import Detection, Errors, Matches, Score
+from processor.score import Detection, Errors, Interval, Matches, Score
 
 NOT_SCORED = "not scored"
 
@@ -77,10 +77,16 @@ def _matches(m: Matches | None) -> list[tuple[str, str]]:
         ("  rate %", _percent(m, "rate")),
         (
             "  its 95 % interval",
-            f"{interval[0] * 100:.1f}-{interval[1] * 100:.1f}" if interval else NOT_SCORED,
+            _range(interval) if interval else NOT_SCORED,
         ),
         ("  found %", _percent(m, "found")),
     ]
+
+
+def _range(interval: Interval) -> str:
+    """Two percents in nine characters, which a column has."""
+    low, high = (f"{end * 100:.1f}" for end in interval)
+    return f"{low}-{high}".replace("100.0", "100")
 
 
 def _errors(e: Errors | None) -> list[tuple[str, str]]:

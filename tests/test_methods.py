@@ -9,22 +9,13 @@ import pytest
 
 from processor.circles import RandomRing
 from processor.locate import Locator
-from processor.methods import METHODS, STAGES, describe, load_method, locator_from
+from processor.methods import METHODS, STAGES, describe, load_method, locator_from, to_toml
 from processor.recognise import ColourRatio, TwoRedMinusGreenBlue
 from recorder.errors import PomologError
 from recorder.rectify import rectify
 from tests.scenes import apple, located, pair_of, small_rig
 
 ALTERNATIVES = [(stage, name) for stage, table in STAGES.items() for name in table]
-
-
-def as_toml(table: dict[str, dict[str, Any]]) -> str:
-    """A method as a file; TOML has no null, and what is not there is its default."""
-    lines = []
-    for stage, entries in table.items():
-        lines.append(f"[{stage}]")
-        lines += [f"{key} = {json.dumps(value)}" for key, value in entries.items() if value != None]  # noqa: E711  # fmt: skip
-    return "\n".join(lines)
 
 
 def assert_finds_the_apple(locator: Locator) -> None:
@@ -56,7 +47,7 @@ def test_a_method_survives_its_description_and_json(name: str) -> None:
 @pytest.mark.parametrize("name", METHODS)
 def test_a_method_survives_toml(name: str, tmp_path: Path) -> None:
     path = tmp_path / "mine.toml"
-    path.write_text(as_toml(describe(METHODS[name])))
+    path.write_text(to_toml(name, METHODS[name]))
     assert tomllib.loads(path.read_text()).keys() == STAGES.keys()
     assert load_method(str(path)) == ("mine", METHODS[name])
 

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import pytest
 
 import pomolog
+from processor.methods import METHODS, load_method
 from tests.scenes import apple, stereo_session
 
 
@@ -89,6 +90,16 @@ def test_a_method_is_a_name_or_a_file(command: Command, session: Path, tmp_path:
         about = json.loads((out / "row/run.json").read_text())
         assert about["locator"]["circles"]["rounds"] == rounds
         assert not (out / "row/trace.rrd").exists()
+
+
+def test_a_printed_method_is_a_file_to_start_from(command: Command, tmp_path: Path) -> None:
+    listed = command("methods").out
+    assert [line.split()[0] for line in listed.splitlines()] == list(METHODS)
+    for name, locator in METHODS.items():
+        method = tmp_path / f"{name}.toml"
+        method.write_text(command("methods", name).out)
+        assert load_method(str(method)) == (name, locator)
+    assert_one_line(command("methods", "best"), "'best'")
 
 
 @pytest.mark.parametrize("content", [b"", b"text", b"\x89MCAP0\r\n", b"\x89MCAP0\r\n" + bytes(500)])
