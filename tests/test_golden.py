@@ -20,6 +20,8 @@ from tests.golden.update import (
 
 Fields = dict[str, tuple[float, str]]
 
+pytestmark = pytest.mark.xdist_group("golden")  # one replay of the demo serves all of them
+
 
 @pytest.fixture(scope="module")
 def measured(tmp_path_factory: pytest.TempPathFactory) -> Golden:
