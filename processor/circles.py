@@ -27,12 +27,8 @@ class RandomRing:
             at about 770 to 1540 mm, less than the 400 to 1500 mm that it claims.
     """
 
-    rounds: Annotated[int, Ge(1)] = (
-        400  # Sec. 3.2, Fig. 6: the variance of the radius is flat beyond 400
-    )
-    ring_px: Annotated[float, Ge(0)] = (
-        5.0  # Sec. 3.2: "R_w was set to 5 according to the experience"
-    )
+    rounds: Annotated[int, Ge(1)] = 400  # Sec. 3.2, Fig. 6: the variance is flat beyond 400
+    ring_px: Annotated[float, Ge(0)] = 5.0  # Sec. 3.2: "according to the experience"
     min_radius_px: Annotated[float, Gt(0)] = 30.0  # Sec. 2.4
     max_radius_px: Annotated[float, Gt(0)] = 60.0  # Sec. 2.4
 

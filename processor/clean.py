@@ -28,9 +28,7 @@ class AreaRule:
     """
 
     smallest_share: Annotated[float, Ge(0)] = 1 / 8  # Sec. 2.3
-    kernel_px: Annotated[int, Ge(1)] = (
-        3  # Sec. 2.3: "3 x 3 square structuring elements were applied once"
-    )
+    kernel_px: Annotated[int, Ge(1)] = 3  # Sec. 2.3: 3 x 3 square, applied once
     order: Order = "area_first"
 
     def __call__(self, recognition: Recognition) -> Cleaning:
