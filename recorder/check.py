@@ -8,8 +8,8 @@ from typing import Literal
 import numpy as np
 
 from recorder.errors import PomologError
-from recorder.pictures import decode
-from recorder.records import SIDES
+from recorder.pictures import decode, verify
+from recorder.records import COMPRESSED, SIDES
 from recorder.rectify import rectify
 from recorder.session import Session
 
@@ -57,6 +57,8 @@ def _findings(session: Session, tick: Callable[[], None]) -> list[Finding]:
     labelled = readings = 0
     for pair in session.pairs():
         for frame in (pair.left, pair.right):
+            if frame.encoding in COMPRESSED:  # OpenCV decodes half a picture and says nothing
+                verify(frame.data, f"the {frame.side} frame at {frame.time_ns} ns")
             decode(frame)
         labelled += pair.truth is not None
         readings += len(pair.readings)
