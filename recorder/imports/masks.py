@@ -13,6 +13,7 @@ from recorder.errors import PomologError
 from recorder.files import replacing
 from recorder.imports.frames import pictures_in
 from recorder.message_writer import MessageWriter
+from recorder.pictures import identify, verify
 from recorder.profile import TRUTH_TOPICS, encode_truth
 from recorder.records import (
     SIDES,
@@ -162,11 +163,13 @@ def _read_apples(path: Path) -> tuple[tuple[AppleTruth, ...], ...]:
 def _read_mask(path: Path, size_px: tuple[int, int]) -> tuple[Labels, bool]:
     """Labels, and whether they tell one apple from another (16 bits) or not (0 and 255)."""
     try:
-        data = np.frombuffer(path.read_bytes(), np.uint8)
+        data = path.read_bytes()
     except OSError as error:
         raise PomologError(f"cannot read {path}: {error.strerror}") from None
-    mask = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
-    if mask is None or mask.ndim != 2:
+    encoding, _ = identify(data, str(path))
+    verify(data, str(path))  # first: OpenCV prints what it thinks of a damaged file
+    mask = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    if encoding != "png" or mask is None or mask.ndim != 2:
         raise PomologError(f"{path} is no mask: give a 16-bit or an 8-bit grey PNG")
     if (mask.shape[1], mask.shape[0]) != size_px:
         raise PomologError(
