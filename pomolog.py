@@ -1,5 +1,6 @@
 """The front door: one command, a line for each sub-command, and nothing heavy imported."""
 
+import signal
 import sys
 from importlib import import_module
 from importlib.metadata import version
@@ -61,6 +62,7 @@ def main() -> None:
     if command is None:
         print(f"pomolog: no command {words[0]!r}; see: pomolog --help", file=sys.stderr)
         sys.exit(2)
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # so that half-written files go
     try:
         import_module(command.module).app(args=words, prog_name="pomolog")
     except PomologError as error:

@@ -16,6 +16,8 @@ def replacing(path: Path) -> Iterator[Path]:
     Raises:
         PomologError: the folder cannot be made, written to, or is full.
     """
+    if not path.name:
+        raise PomologError(f"cannot write {path}: it is a folder; give -o/--out a name in it")
     part = path.with_name(f"{path.name}.{os.getpid()}.part")
     with writable(path):
         path.parent.mkdir(parents=True, exist_ok=True)
