@@ -4,6 +4,7 @@ import signal
 import sys
 from importlib import import_module
 from importlib.metadata import version
+from io import TextIOWrapper
 from typing import Final, NamedTuple
 
 from recorder.errors import PomologError
@@ -62,6 +63,8 @@ def main() -> None:
     if command is None:
         print(f"pomolog: no command {words[0]!r}; see: pomolog --help", file=sys.stderr)
         sys.exit(2)
+    if isinstance(sys.stdout, TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")  # a file's name need not be text
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # so that half-written files go
     try:
         import_module(command.module).app(args=words, prog_name="pomolog")

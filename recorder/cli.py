@@ -14,7 +14,12 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )  # fmt: skip
 imports = typer.Typer(no_args_is_help=True)
-app.add_typer(imports, name="import", help="Make a session from pictures or recordings of others.")
+app.add_typer(
+    imports,
+    name="import",
+    help="Make a session from pictures or recordings of others.",
+    epilog="Example: pomolog import frames left/ right/ --rig rig.toml -o S.mcap",
+)
 
 SessionArgument = Annotated[Path, typer.Argument(metavar="S", help="A session (.mcap).")]
 Output = Annotated[Path, typer.Option("--out", "-o", help="The session to write.")]
@@ -80,9 +85,8 @@ def check(session: SessionArgument, as_json: AsJson = False) -> None:
     failed = any(finding.level == "failure" for finding in findings)
     if as_json:
         print(json.dumps({"sound": not failed, "findings": [asdict(f) for f in findings]}))
-        raise typer.Exit(1 if failed else 0)
     for finding in findings:
-        if finding.level != "failure":
+        if finding.level != "failure" and not as_json:
             print(f"{finding.level:8} {finding.text}")
     for finding in findings:
         if finding.level == "failure":

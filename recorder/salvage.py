@@ -281,7 +281,8 @@ def salvage(path: Path, out: Path) -> Wreck:
             f"nothing to save in {path}: not one complete chunk of session messages; "
             "is it a pomolog session?"
         )
-    metadata = {**wreck.metadata.get("session", {}), "salvaged_from": path.name}
+    name = os.fsencode(path.name).decode(errors="replace")  # a file's name need not be text
+    metadata = {**wreck.metadata.get("session", {}), "salvaged_from": name}
     raw_images = wreck.raw_images or metadata.get("images") == "raw"
     with replacing(out) as part, part.open("wb") as stream:
         writer = MessageWriter(stream, metadata, raw_images=raw_images)
