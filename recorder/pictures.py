@@ -25,16 +25,10 @@ def identify(data: bytes, where: str) -> tuple[Encoding, tuple[int, int]]:
     Raises:
         PomologError: not a PNG, JPEG or WebP picture, or absurdly large.
     """
-    from PIL import Image  # 20 ms to import; only files need it
-
     try:
         with _opened(data) as header:
             width_px, height_px = header.size
             encoding = cast("Encoding", (header.format or "").lower())
-    except (Image.DecompressionBombWarning, Image.DecompressionBombError):
-        raise PomologError(
-            f"{where} claims more pixels than a camera has; is it damaged?"
-        ) from None
     except (OSError, ValueError, SyntaxError):
         raise PomologError(f"{where} is not a PNG, JPEG or WebP picture; is it damaged?") from None
     if max(width_px, height_px) > MAX_SIDE_PX:
@@ -66,13 +60,16 @@ def verify(data: bytes, where: str) -> None:
 
 @contextmanager
 def _opened(data: bytes) -> "Iterator[Image.Image]":
-    from PIL import Image
+    from PIL import Image  # 20 ms to import; only files need it
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # a broken tag is no matter of ours, and no line on stderr
         warnings.simplefilter("error", Image.DecompressionBombWarning)  # more than 89 megapixels
-        with Image.open(io.BytesIO(data), formats=("JPEG", "PNG", "WEBP")) as picture:
-            yield picture
+        try:
+            with Image.open(io.BytesIO(data), formats=("JPEG", "PNG", "WEBP")) as picture:
+                yield picture
+        except (Image.DecompressionBombWarning, Image.DecompressionBombError):
+            raise ValueError("it claims more pixels than a camera has") from None
 
 
 def decode(frame: Frame) -> Picture:

@@ -46,6 +46,8 @@ def test_what_is_no_picture_is_named(data: bytes) -> None:
 def test_an_absurd_size_is_refused_by_the_header_alone(width_px: int, height_px: int) -> None:
     with pytest.raises(PomologError, match="is it damaged"):
         identify(png_claiming(width_px, height_px), "a.png")
+    with pytest.raises(PomologError, match="is it complete"):
+        verify(png_claiming(width_px, height_px), "a.png")
 
 
 @pytest.mark.parametrize("encoding", COMPRESSED)
