@@ -8,7 +8,7 @@ from typing import Any, BinaryIO, Final
 from mcap.writer import CompressionType, Writer
 from mcap_protobuf.schema import build_file_descriptor_set
 
-from recorder.container import RawMessage
+from recorder.mcap_records import RawMessage
 from recorder.profile import PROFILE, topics_of
 
 CHUNK_BYTES: Final = 4 << 20

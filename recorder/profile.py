@@ -17,8 +17,8 @@ from foxglove_schemas_protobuf.RawImage_pb2 import RawImage
 from google.protobuf.timestamp_pb2 import Timestamp
 from scipy.spatial.transform import Rotation
 
-from recorder.container import RawMessage
 from recorder.errors import PomologError
+from recorder.mcap_records import RawMessage
 from recorder.messages import AppleTruthMessage, FrameTruthMessage, RangeReadingMessage
 from recorder.pictures import identify
 from recorder.records import (

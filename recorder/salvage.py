@@ -36,7 +36,9 @@ from mcap.records import (
     SummaryOffset,
 )
 
-from recorder.container import (
+from recorder.errors import PomologError
+from recorder.files import replacing
+from recorder.mcap_records import (
     CHUNK_PREFIX,
     DAMAGE,
     DEFAULT_LIMITS,
@@ -49,8 +51,6 @@ from recorder.container import (
     reporting_damage,
     unpack_chunk,
 )
-from recorder.errors import PomologError
-from recorder.files import replacing
 from recorder.message_writer import MessageWriter, metadata_crc
 from recorder.profile import IMAGE_TOPICS, PROFILE, RAW_IMAGE_SCHEMA, TOPICS
 

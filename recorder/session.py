@@ -13,9 +13,10 @@ from typing import Any, BinaryIO, Final, Self
 import numpy as np
 import numpy.typing as npt
 
-from recorder.container import DEFAULT_LIMITS, Container, Limits, RawMessage, reporting_damage
+from recorder.container import Container
 from recorder.errors import PomologError
 from recorder.files import replacing
+from recorder.mcap_records import DEFAULT_LIMITS, Limits, RawMessage, reporting_damage
 from recorder.message_writer import MessageWriter, metadata_crc
 from recorder.pairing import pair_by_time
 from recorder.profile import (

@@ -26,7 +26,7 @@ from mcap.records import (
     Statistics,
 )
 
-from recorder.container import MAGIC
+from recorder.mcap_records import MAGIC
 from recorder.message_writer import metadata_crc
 from recorder.records import (
     COMPRESSED,

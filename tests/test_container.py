@@ -16,8 +16,9 @@ from mcap.opcode import Opcode
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 
-from recorder.container import Container, Limits
+from recorder.container import Container
 from recorder.errors import PomologError, TornFileError
+from recorder.mcap_records import Limits
 from recorder.session import Session
 from tests.builders import (
     DATA,

@@ -20,7 +20,12 @@ MAY_IMPORT = {
 }
 # library -> the only modules that may import it
 KEEPERS = {
-    "mcap": {"recorder.container", "recorder.message_writer", "recorder.salvage"},
+    "mcap": {
+        "recorder.container",
+        "recorder.mcap_records",
+        "recorder.message_writer",
+        "recorder.salvage",
+    },
     "mcap_protobuf": {"recorder.message_writer"},
     "rerun": {"processor.rrd", "viewer.layout"},
     "rerun_cli": {"processor.replay", "viewer.open"},

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from mcap.opcode import Opcode
 from mcap.writer import Writer
 
-from recorder.container import MAGIC, RawMessage, parse_chunk, unpack_chunk
 from recorder.errors import PomologError
+from recorder.mcap_records import MAGIC, RawMessage, parse_chunk, unpack_chunk
 from recorder.profile import TOPICS
 from recorder.salvage import salvage, survey
 from recorder.session import Session, read_info
