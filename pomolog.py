@@ -65,15 +65,18 @@ def main() -> None:
         sys.exit(2)
     if isinstance(sys.stdout, TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")  # a file's name need not be text
+    signal.signal(signal.SIGINT, _stop)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # so that half-written files go
     try:
         import_module(command.module).app(args=words, prog_name="pomolog")
     except PomologError as error:
         print(f"pomolog: {' '.join(str(error).split())}", file=sys.stderr)
         sys.exit(1)
-    except KeyboardInterrupt:
-        print("pomolog: stopped", file=sys.stderr)
-        sys.exit(130)
+
+
+def _stop(*_: object) -> None:
+    print("pomolog: stopped", file=sys.stderr)
+    sys.exit(130)
 
 
 if __name__ == "__main__":

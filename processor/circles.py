@@ -32,6 +32,10 @@ class RandomRing:
     min_radius_px: Annotated[float, Gt(0)] = 30.0  # Sec. 2.4
     max_radius_px: Annotated[float, Gt(0)] = 60.0  # Sec. 2.4
 
+    def __post_init__(self) -> None:
+        if self.min_radius_px > self.max_radius_px:
+            raise ValueError("min_radius_px is more than max_radius_px")
+
     def __call__(self, cleaning: Cleaning, seed: Seed) -> Circles:
         """Fit at most one circle to each region; a region without a valid ring has no fruit."""
         contours = [region.contour_px for region in cleaning.regions]
@@ -127,10 +131,14 @@ class HoughCircles:
     votes: Annotated[float, Gt(0)] = 8.0
     margin_px: Annotated[int, Ge(0)] = 60
 
+    def __post_init__(self) -> None:
+        if self.min_radius_px > self.max_radius_px:
+            raise ValueError("min_radius_px is more than max_radius_px")
+
     def __call__(self, cleaning: Cleaning, seed: Seed) -> Circles:  # noqa: ARG002  # nothing random
         """Fit at most one circle to each region, the one with the most votes."""
         tried = [self._transform(region) for region in cleaning.regions]
-        return _best_of_each(cleaning.regions, tried)
+        return _best_of_each(cleaning.regions, tried, counted=False)
 
     def _transform(self, region: Region) -> Floats:
         x, y, width, height = region.box_px
@@ -151,14 +159,17 @@ class HoughCircles:
         return np.column_stack([circles, order])
 
 
-def _best_of_each(regions: Sequence[Region], tried: Sequence[Floats]) -> Circles:
-    """The first circle with the most points of each region."""
+def _best_of_each(
+    regions: Sequence[Region], tried: Sequence[Floats], *, counted: bool = True
+) -> Circles:
+    """The first circle with the most points of each region; uncounted ones come by rank."""
     fruit = []
     for number, (region, rings) in enumerate(zip(regions, tried, strict=True)):
         if len(rings) == 0:
             continue
         x, y, radius, points = rings[int(np.argmax(rings[:, 3]))].tolist()
-        fruit.append(Fruit(number, x, y, radius, int(points), region.area_px, region.box_px))
+        inliers = int(points) if counted else None
+        fruit.append(Fruit(number, x, y, radius, inliers, region.area_px, region.box_px))
     numbered = [np.column_stack([np.full(len(r), n), r]) for n, r in enumerate(tried) if len(r)]
     everything = np.concatenate(numbered) if numbered else np.empty((0, 5))
     return Circles(tuple(fruit), everything.astype(np.float32))

@@ -64,6 +64,8 @@ def replay(
         print(json.dumps({"sessions": rows}, indent=2))
     else:
         for r in done:
+            if r.warning:
+                typer.echo(f"pomolog: warning: {r.warning}", err=True)
             how = "there already" if r.resumed else f"{r.seconds:.1f} s"
             print(f"{r.session}: {r.pairs} pairs -> {r.out} ({how})")
     if errors:

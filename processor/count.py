@@ -130,7 +130,9 @@ def count_frame(
         discs[side] = seen
     found = {side: find(trace.view(side).circles, discs[side]) for side in SIDES}
     fruit = _sum(
-        count_fruit(trace.view(s).circles.fruit, found[s], discs[s], labels[s], truth.partial)
+        count_fruit(
+            trace.view(s).circles.fruit, found[s], discs[s], labels[s], partial=truth.partial
+        )
         for s in SIDES
     )
     verdicts = _verdicts(trace.apples, truth, discs, found)
@@ -236,7 +238,8 @@ def count_fruit(
     found: Sequence[int | None],
     discs: Discs,
     labels: Labels | None,
-    partial: bool,  # a count is asked for by position in one place
+    *,
+    partial: bool,
 ) -> Counts:
     """Fruit found, found where none is, and not found."""
     wanted = discs.wanted

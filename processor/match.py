@@ -41,7 +41,7 @@ class AreaInOrder:
         ignored = tuple(
             i for i, f in enumerate(lefts) if reference_px is not None and f.x_px < reference_px
         )
-        asked = [i for i in range(len(lefts)) if i not in set(ignored)]
+        asked = sorted(set(range(len(lefts))) - set(ignored))
         asked.sort(key=lambda i: lefts[i].x_px)
         offered = sorted(range(len(rights)), key=lambda i: rights[i].x_px)
         difference = _area_differences([lefts[i] for i in asked], [rights[i] for i in offered])

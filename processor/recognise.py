@@ -23,7 +23,7 @@ class ColourRatio:
 
     Attributes:
         reading: "signed" takes the ratio literally (undefined is no apple, so G > B is needed);
-            "difference" multiplies it out to R - G > G - B, true wherever B > G;
+            "difference" multiplies it out to R - G > G - B, true wherever R > G and B > G;
             "absolute" compares R - G with |G - B|.
     """
 

@@ -18,6 +18,7 @@ from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from time import perf_counter, perf_counter_ns
@@ -28,14 +29,15 @@ import cv2
 from processor.count import count_frame
 from processor.locate import Locator
 from processor.methods import describe
-from processor.results import TABLES, Rows, join_tables, rows_of, write_tables
+from processor.results import TABLES, Rows, join_tables, read_table, rows_of, write_tables
 from recorder.errors import PomologError
-from recorder.files import replacing, writable
+from recorder.files import only_writer, replacing, writable
 from recorder.pictures import decode
 from recorder.rectify import rectify
 from recorder.session import Session
 
 SLICE_PAIRS: Final = 32  # a slice is lost when a run is killed; a pair takes about 0.1 s
+LEAST_MATCHES_TO_WARN: Final = 6  # fewer may all be wrong by chance
 RESULTS_PROFILE: Final = "pomolog-results/1"
 RrdChoice = Literal["full", "none"]
 
@@ -69,6 +71,7 @@ class Replayed:
     pairs: int
     seconds: float
     resumed: bool  # its results were there already
+    warning: str | None = None  # what looks wrong with the session as a whole
 
 
 def replay(
@@ -155,9 +158,29 @@ def _replay_session(
     if _done(out, run):
         tick(pairs)
         return Replayed(path, out, pairs, perf_counter() - started, resumed=True)
-    parts = out / f".parts-{run['key']}"
     with writable(out):
         out.mkdir(parents=True, exist_ok=True)
+    with only_writer(out):
+        parts = _write_results(path, out, run, locator, pool, tick)
+        seconds = perf_counter() - started
+        with replacing(out / "run.json") as part:
+            part.write_text(json.dumps({**run, "seconds": round(seconds, 3)}, indent=2) + "\n")
+        shutil.rmtree(parts)
+    return Replayed(path, out, pairs, seconds, resumed=False, warning=_warning(path, out))
+
+
+def _write_results(
+    path: Path,
+    out: Path,
+    run: dict[str, Any],
+    locator: Locator,
+    pool: ProcessPoolExecutor | None,
+    tick: Tick,
+) -> Path:
+    """Replay the slices that are missing, and join all of them; give the folder of the parts."""
+    pairs, rrd = run["session"]["pairs"], run["rrd"]
+    parts = out / f".parts-{run['key']}"
+    with writable(out):
         for stale in out.glob(".parts-*"):
             if stale != parts:
                 shutil.rmtree(stale)
@@ -166,7 +189,7 @@ def _replay_session(
         parts.mkdir(exist_ok=True)
         (out / "run.json").unlink(missing_ok=True)  # what it spoke of is about to change
     jobs = [
-        Job(path, start, min(start + SLICE_PAIRS, pairs), parts, locator, seed, rrd)
+        Job(path, start, min(start + SLICE_PAIRS, pairs), parts, locator, run["seed"], rrd)
         for start in range(0, pairs, SLICE_PAIRS)
     ]
     if pool is None:
@@ -176,11 +199,19 @@ def _replay_session(
         for job, _ in zip(jobs, pool.map(run_slice, jobs), strict=True):
             tick(job.stop - job.start)
     _join(jobs, out, rrd)
-    seconds = perf_counter() - started
-    with replacing(out / "run.json") as part:
-        part.write_text(json.dumps({**run, "seconds": round(seconds, 3)}, indent=2) + "\n")
-    shutil.rmtree(parts)
-    return Replayed(path, out, pairs, seconds, resumed=False)
+    return parts
+
+
+def _warning(path: Path, out: Path) -> str | None:
+    """What looks wrong with a whole session, though no single frame can know it."""
+    frames = read_table(out, "frames")
+    matches, located = (sum(frames[name].to_pylist()) for name in ("matches", "matched"))
+    if matches >= LEAST_MATCHES_TO_WARN and located < matches / 2:
+        return (
+            f"{matches - located} of {matches} matches in {path} have the fruit further right in "
+            "the right view, which no apple can be; are the two views swapped?"
+        )
+    return None
 
 
 def _description(
@@ -205,10 +236,20 @@ def _description(
             "metadata": session.metadata,
             "ledger": session.ledger,
         },
-        "versions": {**versions, "python": platform.python_version()},
+        "versions": {**versions, "python": platform.python_version(), "source": _source_digest()},
     }
     key = hashlib.sha256(json.dumps(run, sort_keys=True).encode()).hexdigest()[:12]
     return {**run, "key": key}
+
+
+@cache
+def _source_digest() -> str:
+    """A hash of our own code: who changes a stage and replays wants new results."""
+    digest = hashlib.sha256()
+    for package in ("recorder", "processor"):
+        for file in sorted((Path(__file__).parent.parent / package).rglob("*.py")):
+            digest.update(file.read_bytes())
+    return digest.hexdigest()[:12]
 
 
 def _done(out: Path, run: dict[str, Any]) -> bool:

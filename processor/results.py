@@ -11,13 +11,12 @@ from processor.count import Counts, FrameCounts
 from processor.trace import Circles, Trace
 from recorder.errors import PomologError
 from recorder.files import replacing
-from recorder.records import StereoPair
+from recorder.records import SIDES, StereoPair
 from recorder.rectify import Rectification
 
 STAGES: Final = (
     "decode", "rectify", "recognise", "clean", "circles", "match", "triangulate",
 )  # fmt: skip
-_SIDES: Final = ("left", "right")
 _KEY: Final = [("session", pa.string()), ("frame", pa.int32()), ("time_ns", pa.int64())]
 _COUNTED: Final = ("pixels", "pixels_cleaned", "fruit")
 _F64: Final = pa.float64()
@@ -28,7 +27,7 @@ APPLES: Final = pa.schema(
     [
         *_KEY,
         ("apple", pa.int32()),
-        *((f"{side}_{what}_px", _F64) for side in _SIDES for what in ("x", "y", "radius")),
+        *((f"{side}_{what}_px", _F64) for side in SIDES for what in ("x", "y", "radius")),
         ("disparity_px", _F64),
         ("x_m", _F64),
         ("y_m", _F64),
@@ -36,8 +35,8 @@ APPLES: Final = pa.schema(
         ("radius_m", _F64),
         ("surface_range_m", _F64),
         ("confidence", _F64),
-        *((f"{side}_{what}", pa.int32()) for side in _SIDES for what in ("inliers", "area_px")),
-        *((f"{side}_truth", pa.int64()) for side in _SIDES),
+        *((f"{side}_{what}", pa.int32()) for side in SIDES for what in ("inliers", "area_px")),
+        *((f"{side}_truth", pa.int64()) for side in SIDES),
         ("match_cost", _F64),
     ]
 )
@@ -47,7 +46,8 @@ FRAMES: Final = pa.schema(
         *_KEY,
         ("left_fruit", pa.int32()),
         ("right_fruit", pa.int32()),
-        ("matched", pa.int32()),
+        ("matches", pa.int32()),  # of circles; impossible ones have no place
+        ("matched", pa.int32()),  # with a place
         ("reference_px", pa.int32()),
         ("readings", pa.int32()),
         ("skew_ns", pa.int64()),
@@ -90,6 +90,7 @@ def rows_of(
         **key,
         "left_fruit": len(trace.left.circles.fruit),
         "right_fruit": len(trace.right.circles.fruit),
+        "matches": len(trace.matching.pairs),
         "matched": sum(apple.centre_m is not None for apple in trace.apples),
         "reference_px": trace.matching.reference_px,
         "readings": len(pair.readings),

@@ -30,6 +30,7 @@ FAINT: Final = (255, 220, 120, 60)
 ALONE: Final = (200, 80, 200)  # fruit without a partner
 REFERENCE: Final = (255, 255, 0)
 RINGS_SHOWN: Final = 1500  # of each view; more hide what is under them and cost megabytes
+FAR_M: Final = 10.0  # places beyond are wrong matches; one of them would shrink all the rest
 BEAM_M: Final = 2.0  # drawn length of a beam that met nothing
 _JPEG: Final = [cv2.IMWRITE_JPEG_QUALITY, 90]
 _PNG: Final = [
@@ -39,15 +40,18 @@ _PNG: Final = [
 
 
 class RrdWriter:
-    """One recording, drawn frame by frame. Use it as a context manager.
+    """One recording, drawn frame by frame, held in memory and written when the context ends.
 
     Args:
-        path: the .rrd to write.
+        path: the .rrd to write; nothing is written when the context ends with an error.
         recording_id: parts of one session share it, so that they can be joined.
         rig: drawn once.
         rectification: the rig's.
         first_ns: where the session's own clock starts.
         name: shown in the viewer.
+
+    Raises:
+        OSError: the file cannot be written.
     """
 
     def __init__(
@@ -63,7 +67,9 @@ class RrdWriter:
         self._rec = rr.RecordingStream(APPLICATION, recording_id=recording_id)
         self._rec.set_log_time_enabled(False)
         self._rec.set_log_tick_enabled(False)
-        self._rec.save(path)
+        # Rerun's own file sink hangs for ever on a full disk, so the file is written here
+        self._path = path
+        self._encoded = rr.binary_stream(self._rec)
         self._rec.send_recording_name(name)
         self._rig = rig
         self._rectification = rectification
@@ -79,12 +85,15 @@ class RrdWriter:
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        self._rec.flush()
+        data = self._encoded.read()
         self._rec.disconnect()
+        del self._encoded
         # Rerun keeps every recording of the process, two threads and a megabyte each, until it is
         # asked to let go of those that nobody holds; a long session has hundreds of slices
         del self._rec
         rerun_bindings.flush_and_cleanup_orphaned_recordings()
+        if kind is None:
+            self._path.write_bytes(data or b"")
 
     def write(self, pair: StereoPair, trace: Trace, decode_ns: int) -> None:
         """Draw one frame."""
@@ -196,16 +205,16 @@ class RrdWriter:
             self._log("match/projection/left", rr.BarChart(left))
             self._log("match/projection/right", rr.BarChart(right))
             self._log("match/correlation", rr.BarChart(matching.correlation.astype(np.float32)))
-        # the right view's fruit where the match puts them in the left view
+        # in the left view, a line from each fruit to where its partner is in the right one
         lefts, rights = trace.left.circles.as_array(), trace.right.circles.as_array()
-        strips = [
-            [lefts[i, :2], rights[j, :2]] for i, j in matching.pairs.tolist() if i < len(lefts)
-        ]
+        strips = [[lefts[i, :2], rights[j, :2]] for i, j in matching.pairs.tolist()]
         self._log("world/left/matches", rr.LineStrips2D(strips, colors=ESTIMATE, radii=-0.7))
 
     def _draw_space(self, pair: StereoPair, trace: Trace) -> None:
         placed = [
-            (n, a.centre_m, a.radius_m or 0.0) for n, a in enumerate(trace.apples) if a.centre_m
+            (number, apple.centre_m, apple.radius_m or 0.0)
+            for number, apple in enumerate(trace.apples)
+            if apple.centre_m is not None and max(map(abs, apple.centre_m)) < FAR_M
         ]
         self._log(
             "world/apples",
@@ -235,13 +244,13 @@ class RrdWriter:
         beam = self._rig.rangefinder
         assert beam is not None
         lengths = [r.range_m for r in pair.readings]
-        ends = [beam.origin_m + beam.direction * (x or BEAM_M) for x in lengths]
+        ends = [beam.origin_m + beam.direction * (BEAM_M if x is None else x) for x in lengths]
         self._log(
             "world/beam",
             rr.LineStrips3D(
                 [[beam.origin_m, end] for end in ends],
-                colors=[TRUTH if x else FAINT for x in lengths],
-                labels=[f"{x:.3f} m" if x else "no reading" for x in lengths],
+                colors=[FAINT if x is None else TRUTH for x in lengths],
+                labels=["no reading" if x is None else f"{x:.3f} m" for x in lengths],
             ),
         )
 

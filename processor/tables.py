@@ -7,7 +7,8 @@ from rich.table import Table
 
 from processor.score import Detection, Errors, Interval, Matches, Score
 
-NOT_SCORED = "not scored"
+NOT_SCORED = "not scored"  # the truth does not say
+NOTHING = "-"  # it does, but there was none
 
 
 def score_table(groups: Mapping[str, Score]) -> Table:
@@ -38,7 +39,7 @@ def _lines(score: Score) -> list[tuple[str, str]]:
         + separator
         + _matches(score.matches)
         + separator
-        + _errors(score.distance_m)
+        + _errors(score.distance_m, NOT_SCORED if score.matches is None else NOTHING)
         + separator
         + [("locate, median ms a pair", f"{time:.1f}")]
     )
@@ -77,7 +78,7 @@ def _matches(m: Matches | None) -> list[tuple[str, str]]:
         ("  rate %", _percent(m, "rate")),
         (
             "  its 95 % interval",
-            _range(interval) if interval else NOT_SCORED,
+            _range(interval) if interval else _unknown(m),
         ),
         ("  found %", _percent(m, "found")),
     ]
@@ -89,23 +90,29 @@ def _range(interval: Interval) -> str:
     return f"{low}-{high}".replace("100.0", "100")
 
 
-def _errors(e: Errors | None) -> list[tuple[str, str]]:
+def _errors(e: Errors | None, unknown: str) -> list[tuple[str, str]]:
     labels = {
         "bias": ("bias", "+.1f"),
         "rmse": ("RMSE", ".1f"),
         "p95": ("95th percentile", ".1f"),
         "max": ("largest", ".1f"),
     }
-    rows = [("distance errors", NOT_SCORED if e is None else str(e.n))]
+    rows = [("distance errors", unknown if e is None else str(e.n))]
     for field, (label, form) in labels.items():
-        value = NOT_SCORED if e is None else format(getattr(e, field) * 1e3, form)
+        value = unknown if e is None else format(getattr(e, field) * 1e3, form)
         rows.append((f"  {label} mm", value))
     return rows
 
 
 def _percent(measures: Detection | Matches | None, field: str) -> str:
     value = None if measures is None else getattr(measures, field)
-    return NOT_SCORED if value is None else f"{value * 100:.1f}"
+    return _unknown(measures) if value is None else f"{value * 100:.1f}"
+
+
+def _unknown(measures: Detection | Matches | None) -> str:
+    """Nobody can say; or there is nothing to divide by."""
+    unlabelled = isinstance(measures, Detection) and measures.fp is None
+    return NOT_SCORED if measures is None or unlabelled else NOTHING
 
 
 def _count(measures: Detection | Matches | None, field: str) -> str:

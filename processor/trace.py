@@ -67,7 +67,7 @@ class Fruit:
     x_px: float
     y_px: float
     radius_px: float
-    inliers: int  # contour points on its ring (or votes, where the finder counts those)
+    inliers: int | None  # contour points on its ring; None where the finder does not say
     area_px: int  # of its region
     box_px: tuple[int, int, int, int]  # of its region
 

@@ -1,5 +1,7 @@
 """Writing beside the name and renaming: a killed run leaves no half-written file."""
 
+import errno
+import fcntl
 import os
 import shutil
 from collections.abc import Iterator
@@ -14,10 +16,14 @@ def replacing(path: Path) -> Iterator[Path]:
     """Give a temporary name beside `path`; rename it there on success, remove it on failure.
 
     Raises:
-        PomologError: the folder cannot be made, written to, or is full.
+        PomologError: the folder cannot be made, written to, or is full; `path` is a folder or a
+            device.
     """
-    if not path.name:
-        raise PomologError(f"cannot write {path}: it is a folder; give -o/--out a name in it")
+    with writable(path):
+        if not path.name or path.is_dir():
+            raise PomologError(f"cannot write {path}: it is a folder; give -o/--out a name in it")
+        if path.exists() and not path.is_file():  # renaming would replace the device itself
+            raise PomologError(f"cannot write {path}: it is no file; give -o/--out another name")
     part = path.with_name(f"{path.name}.{os.getpid()}.part")
     with writable(path):
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -39,6 +45,29 @@ def writable(path: Path) -> Iterator[None]:
         yield
     except OSError as error:
         reason = error.strerror or str(error)
+        full = error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+        now = "make room, or choose" if full else "choose"
         raise PomologError(
-            f"cannot write {path}: {reason}; make room or choose another place with -o/--out"
+            f"cannot write {path}: {reason}; {now} another place with -o/--out"
         ) from error
+
+
+@contextmanager
+def only_writer(folder: Path) -> Iterator[None]:
+    """Hold a lock on a folder, so that two runs don't write the same results.
+
+    Raises:
+        PomologError: another process holds it.
+    """
+    lock = folder / ".lock"
+    with writable(folder), lock.open("w") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise PomologError(
+                f"another run is writing {folder}; wait for it, or choose another -o/--out"
+            ) from None
+        try:
+            yield
+        finally:
+            lock.unlink(missing_ok=True)

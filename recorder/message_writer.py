@@ -9,7 +9,7 @@ from mcap.writer import CompressionType, Writer
 from mcap_protobuf.schema import build_file_descriptor_set
 
 from recorder.mcap_records import RawMessage
-from recorder.profile import PROFILE, topics_of
+from recorder.profile import PROFILE, RIG_TOPICS, topics_of
 
 CHUNK_BYTES: Final = 4 << 20
 _MESSAGE_BYTES: Final = 9 + 22  # of a message record, beside its data
@@ -40,6 +40,7 @@ class MessageWriter:
         self.add_metadata("session", {**metadata, "profile": PROFILE, "images": images})
         topics = topics_of(raw_images=raw_images)
         self._pending_bytes = 0  # of the chunk in progress
+        self._rig_closed = False
         self._channels = {topic: self._register(topic, kind) for topic, kind in topics.items()}
         self._sequence = dict.fromkeys(topics, 0)
 
@@ -60,6 +61,9 @@ class MessageWriter:
         sequence: int | None = None,
     ) -> None:
         """Write one serialised message of a topic of the profile."""
+        if not self._rig_closed and topic not in RIG_TOPICS:
+            self._rig_closed = True
+            self.flush()  # a small first chunk with schemas and rig: little to lose it by
         size = len(data) + _MESSAGE_BYTES
         if self._pending_bytes + size > CHUNK_BYTES:
             self.flush()

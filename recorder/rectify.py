@@ -19,7 +19,7 @@ FLAT_TOLERANCE_PX = 1e-3  # a rig parallel to a thousandth of a pixel needs no r
 
 FACING_TOGETHER = np.cos(np.pi / 4)  # optical axes further apart than 45 degrees see no fruit twice
 
-Circles = Floats
+CircleArray = Floats
 """(N, 3) float64: x, y, radius in pixels."""
 
 
@@ -45,9 +45,8 @@ class View:
             return points_px
         rays = cv2.convertPointsToHomogeneous(points_px)[:, 0, :] @ np.linalg.inv(self.matrix).T
         rays = rays @ self.rotation  # rows: R^T applied to each ray
-        project = cv2.fisheye.projectPoints if self.camera.lens == "kannala_brandt" else None
-        if project is not None:
-            mapped, _ = project(
+        if self.camera.lens == "kannala_brandt":
+            mapped, _ = cv2.fisheye.projectPoints(
                 rays[:, None, :], np.zeros(3), np.zeros(3), self.camera.matrix,
                 self.camera.distortion,
             )  # fmt: skip
@@ -58,7 +57,7 @@ class View:
             )  # fmt: skip
         return cast("Floats", mapped.reshape(-1, 2))
 
-    def circles_to_recorded(self, circles: Circles) -> Circles:
+    def circles_to_recorded(self, circles: CircleArray) -> CircleArray:
         """Map circles: the centre through the lens, the radius by the mean stretch around it."""
         if self.maps is None or len(circles) == 0:
             return circles

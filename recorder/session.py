@@ -55,7 +55,9 @@ DEFAULT_MAX_SKEW_NS: Final = 5_000_000  # at 300 mm/s a skew of 5 ms costs 7.5 m
 READING_WINDOW_NS: Final = 500_000_000  # a reading further away than this belongs to no pair
 
 # metadata that says how the file is made, not what was recorded
-NOT_CONDITIONS: Final = frozenset(("profile", "images", "rig", "rangefinder_std_m", "max_skew_ns"))
+NOT_CONDITIONS: Final = frozenset(
+    ("profile", "images", "rig", "rangefinder_std_m", "max_skew_ns", "made_by", "salvaged_from")
+)
 
 
 class SessionWriter:
@@ -139,7 +141,6 @@ class SessionWriter:
             self._rig_written = True
             for rig_topic, rig_message in encode_rig(self._rig, time_ns):
                 self._out.write(rig_topic, time_ns, rig_message.SerializeToString())
-            self._out.flush()  # a small first chunk with schemas and rig: little to lose it by
         self._out.write(topic, time_ns, message.SerializeToString(), sequence=sequence)
 
     def sync(self) -> None:
@@ -215,7 +216,7 @@ class Session:
         if profile.startswith("pomolog/"):
             raise PomologError(
                 f"{self.path} has profile {profile}, newer than this pomolog's {PROFILE}; "
-                "update with: pip install --upgrade pomolog"
+                "update pomolog to read it"
             )
         raise PomologError(
             f"{self.path} is an MCAP file but no pomolog session "

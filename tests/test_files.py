@@ -2,14 +2,14 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from recorder.errors import PomologError
-from recorder.files import replacing
+from recorder.files import only_writer, replacing
 from tests.builders import frame, rig, session_file
+from tests.conftest import must
 
 
 def test_a_file_appears_under_its_name_only_when_it_is_whole(tmp_path: Path) -> None:
@@ -90,28 +90,6 @@ def test_a_killed_writer_leaves_nothing_under_the_name(
 # no rights, no room
 
 
-def must(done: subprocess.CompletedProcess[str], what: str) -> None:
-    """Skip loudly where a test cannot be made; continuous integration must not skip it."""
-    if done.returncode:
-        message = f"NOT TESTED: {what}: {done.stderr.strip()}"
-        if os.environ.get("CI") == "true":
-            pytest.fail(message)
-        pytest.skip(message)
-
-
-@pytest.fixture
-def small_disk(tmp_path: Path) -> Iterator[Path]:
-    """A file system of 1 MB."""
-    place = tmp_path / "disk"
-    place.mkdir()
-    if os.geteuid() != 0 and os.environ.get("CI") != "true":
-        pytest.skip("NOT TESTED: a full disk; mounting one needs root")
-    command = ["mount", "-t", "tmpfs", "-o", "size=1m", "tmpfs", str(place)]
-    must(subprocess.run(command, capture_output=True, text=True, check=False), "a full disk")
-    yield place
-    subprocess.run(["umount", str(place)], check=True)
-
-
 def write_megabytes(path: Path, count: int) -> None:
     from recorder.session import SessionWriter
 
@@ -160,7 +138,7 @@ def test_a_file_that_may_not_grow_is_one_line_and_leaves_nothing(tmp_path: Path)
         command, capture_output=True, text=True, check=True, cwd=Path(__file__).parents[1]
     )
     assert done.stdout == (
-        f"cannot write {tmp_path}/s.mcap: File too large; make room or choose another place with "
+        f"cannot write {tmp_path}/s.mcap: File too large; make room, or choose another place with "
         "-o/--out\n"
     )
     assert done.stderr == ""
@@ -191,7 +169,7 @@ def test_a_folder_that_is_a_file_is_one_line(tmp_path: Path) -> None:
 
 def test_a_folder_of_that_name_is_not_replaced_by_a_file(tmp_path: Path) -> None:
     (tmp_path / "s.mcap").mkdir()
-    with pytest.raises(PomologError, match="directory"):
+    with pytest.raises(PomologError, match="is a folder"):
         session_file(tmp_path, 1)
     assert [entry.name for entry in tmp_path.iterdir()] == ["s.mcap"]
 
@@ -220,3 +198,20 @@ def test_syncing_takes_what_was_written_to_the_disk_not_to_a_buffer(tmp_path: Pa
         assert before < after
         assert after > len(frame().data)
         writer.finish()
+
+
+def test_a_device_or_pipe_is_not_replaced_by_a_file(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(PomologError, match="is no file"), replacing(tmp_path / "pipe") as part:
+        part.write_text("x")
+    assert (tmp_path / "pipe").is_fifo()
+
+
+def test_a_second_run_does_not_write_into_a_folder_that_another_is_writing(tmp_path: Path) -> None:
+    with only_writer(tmp_path):
+        with pytest.raises(PomologError, match="another run is writing"), only_writer(tmp_path):
+            pass
+        assert (tmp_path / ".lock").exists()  # the first still holds it
+    with only_writer(tmp_path):
+        pass
+    assert list(tmp_path.iterdir()) == []

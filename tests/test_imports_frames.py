@@ -195,7 +195,8 @@ def test_a_file_that_was_there_stays_when_an_import_fails(tmp_path: Path) -> Non
     assert out.read_bytes() == before
 
 
-def test_names_are_in_the_order_of_their_letters(tmp_path: Path) -> None:
-    for name in ("10.png", "9.png", "a.jpeg", "B.webp"):
+def test_names_are_in_the_order_of_their_numbers_and_letters(tmp_path: Path) -> None:
+    names = ["B2.webp", "B10.webp", "a.jpeg", "9.png", "10.png"]
+    for name in reversed(names):
         cv2.imwrite(str(tmp_path / name), picture())
-    assert [path.name for path in pictures_in(tmp_path)] == ["10.png", "9.png", "B.webp", "a.jpeg"]
+    assert [path.name for path in pictures_in(tmp_path)] == names

@@ -11,8 +11,10 @@ from PIL import Image
 from recorder.errors import PomologError
 from recorder.imports.masks import MaskTruth, label_session
 from recorder.records import AppleTruth, FrameTruth
+from recorder.salvage import salvage
 from recorder.session import Session
 from tests.builders import content, labels, session_file
+from tests.test_salvage import chunk_ends
 
 APPLE = {
     "id": 1, "centre_m": [0.1, -0.2, 1.3], "radius_m": 0.04,
@@ -280,3 +282,14 @@ def test_a_jpeg_is_no_mask(tmp_path: Path) -> None:
     cv2.imwrite(str(folder / "left" / "000.jpg"), (labels() == 1).astype(np.uint8) * 255)
     (folder / "left" / "000.png").unlink()
     assert "000.jpg is no mask" in refusal(tmp_path, folder)
+
+
+def test_a_labelled_session_keeps_its_rig_in_a_small_first_chunk(tmp_path: Path) -> None:
+    session, out = session_file(tmp_path), tmp_path / "labelled.mcap"
+    with Session(session) as opened:
+        label_session(opened, MaskTruth(masks(tmp_path)), out)
+    first, *_ = chunk_ends(out)
+    data = out.read_bytes()
+    (tmp_path / "torn.mcap").write_bytes(data[: first + 10])
+    wreck = salvage(tmp_path / "torn.mcap", tmp_path / "whole.mcap")
+    assert set(wreck.counts) == {"/left/calibration", "/right/calibration", "/tf"}

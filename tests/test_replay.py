@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,11 +16,14 @@ import psutil
 import pytest
 
 import processor.replay as module
+from processor.circles import RandomRing
 from processor.locate import Locator
+from processor.match import AreaInOrder
 from processor.recognise import ColourRatio
 from processor.replay import Replayed, replay
 from processor.results import TABLES, join_tables, read_table, write_tables
 from recorder.errors import PomologError
+from recorder.files import only_writer
 from recorder.records import Frame
 from recorder.session import Session, SessionWriter
 from tests.scenes import TINY, apple, small_rig, stereo_session, tiny_rig
@@ -395,3 +399,52 @@ def test_memory_stays_flat_over_500_pairs(tmp_path: Path) -> None:
     # both views), or a megabyte of each of the 11 slices between, would show.
     assert late_mb - early_mb < 8
     assert threads < 32  # a recording that is not let go of keeps two
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_disk_that_fills_up_while_drawing_is_one_line_and_ends(
+    workers: int, small_disk: Path, tmp_path: Path
+) -> None:
+    session = tiny_session(tmp_path / "row.mcap", 3)
+    (small_disk / "filler").write_bytes(bytes((1 << 20) - 3 * 4096))  # room for rows, not pictures
+    (outcome,) = replay([session], small_disk / "out", TINY, workers=workers)
+    assert isinstance(outcome, PomologError)
+    assert "No space left on device; make room" in str(outcome)
+    left = [path.name for path in (small_disk / "out").rglob("*") if path.is_file()]
+    assert left == []
+
+
+def test_a_folder_that_another_run_is_writing_is_left_to_it(tmp_path: Path) -> None:
+    session = tiny_session(tmp_path / "row.mcap", 1)
+    folder = tmp_path / "out" / "row"
+    folder.mkdir(parents=True)
+    with only_writer(folder):
+        (outcome,) = replay([session], tmp_path / "out", TINY)
+    assert isinstance(outcome, PomologError)
+    assert "another run is writing" in str(outcome)
+    (done,) = run([session], tmp_path / "out")
+    assert not done.resumed
+
+
+def test_swapped_views_are_suspected(tmp_path: Path) -> None:
+    apples = [apple(1, -0.05, seen=1.0), apple(2, 0.06, 0.03, seen=1.0)]
+    right_way = stereo_session(tmp_path / "right.mcap", [apples] * 4)
+    with Session(right_way) as session:
+        swapped = tmp_path / "swapped.mcap"
+        with SessionWriter.create(swapped, session.rig) as writer:
+            for pair in session.pairs():
+                writer.write_frame(replace(pair.right, side="left"))
+                writer.write_frame(replace(pair.left, side="right"))
+    plain = Locator(match=AreaInOrder(reference_line=False), circles=RandomRing())
+    good, bad = (run([s], tmp_path / "out", locator=plain)[0] for s in (right_way, swapped))
+    assert good.warning is None
+    assert bad.warning is not None
+    assert "are the two views swapped?" in bad.warning
+
+
+def test_changed_code_makes_new_results(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    session = tiny_session(tmp_path / "row.mcap", 1)
+    run([session], tmp_path / "out")
+    assert run([session], tmp_path / "out")[0].resumed
+    monkeypatch.setattr(module, "_source_digest", lambda: "edited")
+    assert not run([session], tmp_path / "out")[0].resumed

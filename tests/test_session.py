@@ -445,7 +445,7 @@ def test_a_picture_of_another_size_than_its_calibration_is_refused(tmp_path: Pat
 
 def test_a_newer_profile_asks_for_a_newer_pomolog(tmp_path: Path) -> None:
     path = HandFile([HandChunk()], metadata={"profile": "pomolog/2"}).write(tmp_path / "s.mcap")
-    with pytest.raises(PomologError, match=r"profile pomolog/2, newer .* update with: pip"):
+    with pytest.raises(PomologError, match=r"profile pomolog/2, newer .* update pomolog"):
         Session(path)
 
 

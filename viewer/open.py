@@ -18,6 +18,8 @@ def recordings(path: Path) -> tuple[Path, ...]:
     """
     if path.is_file() and path.suffix in (".mcap", ".rrd"):
         return (path,)
+    if path.is_file():
+        raise PomologError(f"{path} is no session, recording or folder of results")
     found = [path / "trace.rrd"] if (path / "trace.rrd").is_file() else []
     found += sorted(path.glob("*/trace.rrd"))
     if not found:
@@ -51,7 +53,7 @@ def open_viewer(files: Sequence[Path], *, web: bool = False) -> None:
     binary = Path(rerun_cli.__file__).parent / "rerun"
     has_screen = any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))
     if not web and sys.platform == "linux" and not has_screen:
-        raise PomologError("no screen here for the viewer; use: pomolog view OUT --web")
+        raise PomologError(f"no screen here for the viewer; use: pomolog view {files[0]} --web")
     command = [str(binary), "--bind", "127.0.0.1", *(["--serve-web"] if web else [])]
     try:
         done = subprocess.run([*command, *map(str, files)], check=False)

@@ -1,5 +1,6 @@
 """Pictures from two files or two folders -> a session; their bytes stay as they are."""
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Final
@@ -37,12 +38,13 @@ def picture_pairs(left: Path, right: Path) -> tuple[tuple[Path, Path], ...]:
 
 
 def pictures_in(folder: Path) -> tuple[Path, ...]:
-    """The pictures of a folder in name order.
+    """The pictures of a folder in name order, numbers by their value: 2.png before 10.png.
 
     Raises:
         PomologError: there are none.
     """
-    found = sorted(p for p in folder.iterdir() if p.suffix.lower() in PICTURE_SUFFIXES)
+    found = [p for p in folder.iterdir() if p.suffix.lower() in PICTURE_SUFFIXES]
+    found.sort(key=_in_name_order)
     if not found:
         raise PomologError(f"no PNG, JPEG or WebP pictures in {folder}; is it the right folder?")
     return tuple(found)
@@ -113,6 +115,14 @@ def _read(side: Side, path: Path, time_ns: int, sequence: int) -> Frame:
     encoding, size_px = identify(data, str(path))
     verify(data, str(path))
     return Frame(side, time_ns, encoding, data, size_px, sequence)
+
+
+def _in_name_order(path: Path) -> list[tuple[int, str]]:
+    return [
+        (int(part), "") if part.isdecimal() else (-1, part)
+        for part in re.split(r"([0-9]+)", path.name)
+        if part
+    ]
 
 
 def _size(frame: Frame) -> str:
