@@ -20,6 +20,7 @@ class Command(NamedTuple):
 COMMANDS: Final[dict[str, Command]] = {
     "import": Command("recorder.cli", "make a session from pictures"),
     "label": Command("recorder.cli", "give a session truth: masks and apples"),
+    "simulate": Command("recorder.cli", "make a session in the digital orchard"),
     "info": Command("recorder.cli", "say what a session holds"),
     "check": Command("recorder.cli", "read all of a session and say whether it is sound"),
     "salvage": Command("recorder.cli", "make a whole session of a torn one"),

@@ -166,3 +166,31 @@ def label(
     with Session(session) as opened, progress("labelling", len(opened)) as tick:
         label_session(opened, truth, out, tick)
         print(f"{out}: truth for {len(opened)} stereo pairs")
+
+
+@app.command(epilog="Example: pomolog simulate segmentation-front --fraction 0.1 -o S.mcap")
+def simulate(
+    scene: Annotated[Path, typer.Argument(metavar="SCENE", help="A scene file, or a set's name.")],
+    out: Output,
+    preview: Annotated[
+        bool, typer.Option("--preview", help="A quarter as wide and high: seconds, not minutes.")
+    ] = False,
+    fraction: Annotated[
+        float, typer.Option(min=0.0001, max=1.0, help="Make only this share, evenly spread.")
+    ] = 1.0,
+    split: Annotated[str, typer.Option(help="Only these worlds: train, test, or both.")] = "both",
+    cache: Annotated[
+        Path | None, typer.Option(help="Keep rendered pairs here; a killed run resumes from them.")
+    ] = None,
+) -> None:
+    """Make a session in the digital orchard: photo-like pictures with exact truth."""
+    from recorder.orchard.scene import as_split, load_scene, shots
+    from recorder.orchard.simulate import preview_of
+    from recorder.orchard.simulate import simulate as make
+    from recorder.progress import progress
+
+    asked = preview_of(load_scene(scene)) if preview else load_scene(scene)
+    todo = shots(asked, fraction, as_split(split))
+    with progress("simulating", len(todo)) as tick:
+        make(asked, todo, out, cache=cache, tick=tick)
+    print(f"{out}: {len(todo)} stereo pairs")

@@ -1,0 +1,72 @@
+"""A look: what one moment's pair shows before any exposure, and keeping it on the disk."""
+
+import json
+import zipfile
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+
+from recorder.files import replacing
+from recorder.orchard.engine import Floats
+from recorder.orchard.noise import Image
+from recorder.records import AppleTruth, FrameTruth
+
+_BRIGHTEST: float = float(np.finfo(np.float16).max)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Look:
+    """What was cast and rendered of one moment.
+
+    Attributes:
+        light: the left and the right view, linear.
+        truth: labels and apples.
+        range_m: where the beam ends, before the instrument's noise; None: nowhere.
+        sun_direction: (3,) in the world, for the flare; None: no sun.
+    """
+
+    light: tuple[Image, Image]
+    truth: FrameTruth
+    range_m: float | None
+    sun_direction: Floats | None
+
+
+def save_look(path: Path, look: Look) -> None:
+    """Keep a look; its light as half floats, which are finer than any camera's noise."""
+    about = {
+        "apples": [asdict(apple) for apple in look.truth.apples or ()],
+        "range_m": look.range_m,
+        "sun_direction": None if look.sun_direction is None else look.sun_direction.tolist(),
+    }
+    light = [np.minimum(plane, _BRIGHTEST).astype(np.float16) for plane in look.light]
+    labels = (look.truth.left, look.truth.right)
+    with replacing(path) as part, part.open("wb") as stream:
+        np.savez_compressed(
+            stream,
+            about=np.frombuffer(json.dumps(about).encode(), np.uint8),
+            light_left=light[0],
+            light_right=light[1],
+            **{f"labels_{n}": plane for n, plane in enumerate(labels) if plane is not None},
+        )
+
+
+def load_look(path: Path) -> Look | None:
+    """A kept look; None where the file is damaged, so that it is made again."""
+    try:
+        with np.load(path) as kept:
+            about = json.loads(kept["about"].tobytes())
+            light = tuple(kept[f"light_{side}"].astype(np.float32) for side in ("left", "right"))
+            labels = (kept["labels_0"], kept["labels_1"])
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+        return None
+    apples = tuple(
+        AppleTruth(**{**apple, "centre_m": tuple(apple["centre_m"])}) for apple in about["apples"]
+    )
+    sun = about["sun_direction"]
+    return Look(
+        (light[0], light[1]),
+        FrameTruth(labels[0], labels[1], apples),
+        about["range_m"],
+        None if sun is None else np.array(sun),
+    )
