@@ -30,7 +30,12 @@ KEEPERS = {
     "rerun": {"processor.rrd", "viewer.layout"},
     "rerun_cli": {"processor.replay", "viewer.open"},
     "pyarrow": {"processor.results"},
-    "pydantic": {"recorder.rig", "recorder.imports.masks", "processor.methods"},
+    "pydantic": {
+        "recorder.rig",
+        "recorder.imports.masks",
+        "recorder.orchard.scene",
+        "processor.methods",
+    },
 }
 STAGES = ("recognise", "clean", "circles", "match", "triangulate", "locate")
 

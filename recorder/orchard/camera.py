@@ -66,7 +66,7 @@ class RigPose:
 
     def to_world(self, points_m: Floats) -> Floats:
         """(N, 3) points of the left optical frame, in the world."""
-        return np.asarray(points_m @ WORLD_FROM_OPTICAL.T + self.left_m)
+        return np.asarray(points_m @ WORLD_FROM_OPTICAL.T + self.left_m, np.float64)
 
     def to_left(self, points_m: Floats) -> Floats:
         """(N, 3) points of the world, in the left optical frame."""
@@ -85,7 +85,7 @@ def pixel_slopes(camera: Camera) -> Floats:
     focal = np.array([camera.matrix[0, 0], camera.matrix[1, 1]])
     distorted = (np.stack([x.ravel(), y.ravel()], 1) - camera.matrix[:2, 2]) / focal
     if camera.straight:
-        return np.asarray(distorted)
+        return np.asarray(distorted, np.float64)
     slopes = distorted.copy()
     none, unit_matrix = np.zeros(3), np.eye(3)
     for _ in range(_NEWTON_STEPS):  # fixed-point steps, as OpenCV takes them, but to the end
@@ -95,7 +95,7 @@ def pixel_slopes(camera: Camera) -> Floats:
         slopes += missed
         if np.abs(missed).max() < _SLOPE_TOLERANCE:
             break
-    return slopes
+    return np.asarray(slopes, np.float64)
 
 
 _NEWTON_STEPS: Final = 60

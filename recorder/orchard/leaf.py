@@ -87,7 +87,10 @@ def grow_blades(
     """
     count = len(places)
     along, across = grid
-    draw = lambda low, high: rng.uniform(low, high, (count, 1, 1))  # noqa: E731 - read nine times
+
+    def draw(low: float, high: float) -> Floats:
+        return np.asarray(rng.uniform(low, high, (count, 1, 1)))
+
     t = np.linspace(0, 1, along)[None, :, None]
     s = np.linspace(-1, 1, across)[None, None, :]
     length = draw(*length_m)
@@ -148,11 +151,11 @@ def _paint_blade(rng: np.random.Generator, *, plastic: bool) -> Image:
     if not plastic and rng.random() < 0.06:
         colour = linear([138, 136, 58])  # a blade turning yellow
     mottle = 1 + 0.10 * field(rng, BLADE_PX, 10) + 0.05 * field(rng, BLADE_PX, 1.3)
-    blade = mottle[..., None] * colour
+    blade = np.asarray(mottle[..., None] * colour, np.float32)
     phase = (y - 0.42 * np.abs(x) ** 1.15) * 8.5
     side_veins = np.exp(-(((phase - np.round(phase)) / 0.07) ** 2)) * np.clip(1.1 - np.abs(x), 0, 1)
     midrib = np.exp(-((x / 0.035) ** 2)) * np.ones_like(y)
-    blade = blade * (1 - 0.10 * np.cos(2 * np.pi * phase))[..., None]
+    blade *= (1 - 0.10 * np.cos(2 * np.pi * phase))[..., None].astype(np.float32)
     veins = np.clip(midrib * 0.75 + side_veins * 0.30, 0, 1)
     blade = blend(blade, linear([158, 168, 96]), veins)
     if not plastic:

@@ -40,14 +40,15 @@ def save_look(path: Path, look: Look) -> None:
         "sun_direction": None if look.sun_direction is None else look.sun_direction.tolist(),
     }
     light = [np.minimum(plane, _BRIGHTEST).astype(np.float16) for plane in look.light]
-    labels = (look.truth.left, look.truth.right)
+    labels = [np.asarray(plane, np.uint16) for plane in (look.truth.left, look.truth.right)]
     with replacing(path) as part, part.open("wb") as stream:
         np.savez_compressed(
             stream,
             about=np.frombuffer(json.dumps(about).encode(), np.uint8),
             light_left=light[0],
             light_right=light[1],
-            **{f"labels_{n}": plane for n, plane in enumerate(labels) if plane is not None},
+            labels_left=labels[0],
+            labels_right=labels[1],
         )
 
 
@@ -57,7 +58,7 @@ def load_look(path: Path) -> Look | None:
         with np.load(path) as kept:
             about = json.loads(kept["about"].tobytes())
             light = tuple(kept[f"light_{side}"].astype(np.float32) for side in ("left", "right"))
-            labels = (kept["labels_0"], kept["labels_1"])
+            labels = (kept["labels_left"], kept["labels_right"])
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
         return None
     apples = tuple(

@@ -150,7 +150,7 @@ def _register_leaf() -> None:
 
     mi = load_mitsuba()
 
-    class Leaf(mi.BSDF):  # type: ignore[misc]  # mitsuba is loaded late, so it has no types here
+    class Leaf(mi.BSDF):  # type: ignore[misc,name-defined]  # mitsuba is loaded late, so it has no types here
         """Diffuse reflection of two colours, diffuse transmission and a waxy gloss."""
 
         def __init__(self, properties: Any) -> None:

@@ -1,5 +1,7 @@
 """Smooth random fields and colour arithmetic: what every texture of the orchard is painted with."""
 
+from typing import Literal
+
 import cv2
 import numpy as np
 import numpy.typing as npt
@@ -38,7 +40,7 @@ def field(
     sigma_rows, sigma_columns = (sigma, sigma) if isinstance(sigma, int | float) else sigma
     small_rows = max(4, round(rows / max(1.0, sigma_rows / _COARSE_SIGMA)))
     small_columns = max(4, round(columns / max(1.0, sigma_columns / _COARSE_SIGMA)))
-    rows_mode = "wrap" if wrap_rows else "reflect"
+    rows_mode: Literal["wrap", "reflect"] = "wrap" if wrap_rows else "reflect"
     drawn = gaussian_filter(
         rng.standard_normal((small_rows, small_columns), np.float32),
         (sigma_rows * small_rows / rows, sigma_columns * small_columns / columns),

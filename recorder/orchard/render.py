@@ -47,8 +47,8 @@ class _Lens:
         mi = load_mitsuba()
         width_px, height_px = view.camera.size_px
         slopes = view.slopes().reshape(height_px, width_px, 2)
-        per_column = np.gradient(slopes, axis=1).reshape(-1, 2)
-        per_row = np.gradient(slopes, axis=0).reshape(-1, 2)
+        per_column = np.asarray(np.gradient(slopes, axis=1)).reshape(-1, 2)
+        per_row = np.asarray(np.gradient(slopes, axis=0)).reshape(-1, 2)
         self.view, self.focus_m = view, focus_m
         self.size_px = (width_px, height_px)
         self._centres = mi.Point2f(*map(_floats, slopes.reshape(-1, 2).T))
@@ -98,8 +98,8 @@ def _paths(scene: Any, lens: _Lens, quality: RenderQuality, seed: int) -> Image:
     integrator = mi.load_dict(
         {"type": "path", "max_depth": quality.bounces, "rr_depth": _ROULETTE_FROM}
     )
-    total, done, ceiling = 0.0, 0, np.inf
-    part = 0
+    total = np.zeros((*lens.size_px[::-1], 3), np.float32)
+    done, part, ceiling = 0, 0, np.inf
     while done < quality.samples:
         samples = min(_SAMPLES_A_PASS, quality.samples - done)
         ray, sampler = lens.rays(samples, seed * 1009 + part)

@@ -39,13 +39,13 @@ def rows_behind(
         to_x_m: its last.
     """
     shapes: dict[str, Any] = {}
-    for name, leaf_density, length_m, grid in (
+    for name, leaf_density, leaf_m, grid in (
         ("stretch_0", 1.6, (0.06, 0.10), leaf.FAR_GRID),
         ("stretch_1", 0.75, (0.09, 0.14), (3, 2)),  # far: fewer and larger leaves cost less
     ):
         shapes[name] = {
             "type": "shapegroup",
-            **_stretch(rng, scene, materials, name, leaf_density, length_m, grid),
+            **_stretch(rng, scene, materials, name, leaf_density, leaf_m, grid),
         }
     length_m = _BACK_TREES * TREE_PITCH_M
     beyond_m = (TREE_PITCH_M + length_m) / 2

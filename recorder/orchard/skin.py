@@ -95,9 +95,10 @@ def paint_skin(rng: np.random.Generator, recipe: Recipe) -> npt.NDArray[np.uint8
     blush = rng.uniform(*recipe.cover) + recipe.sun_side * np.cos(2 * np.pi * (u - rng.random()))
     blush = blush + 0.5 * broad + 0.62 * recipe.stripes * stripes + 0.16 * mid
     blush = blush - 1.5 * np.exp(-((v / 0.09) ** 2)) - 0.8 * np.exp(-(((1 - v) / 0.10) ** 2))
-    ground = blend(*map(linear, recipe.ground), step(broad + 0.3 * mid))
+    ground = blend(linear(recipe.ground[0]), linear(recipe.ground[1]), step(broad + 0.3 * mid))
     deep = step(0.9 * blush + 0.8 * recipe.stripes * stripes - 1.0)
-    skin = blend(ground, blend(*map(linear, recipe.blush), deep), 0.97 * step(1.9 * blush))
+    red = blend(linear(recipe.blush[0]), linear(recipe.blush[1]), deep)
+    skin = blend(ground, red, 0.97 * step(1.9 * blush))
     skin = skin * (1 + 0.03 * fine + 0.05 * mid)[..., None]
     russet = step((recipe.russet + 0.012 * broad + 0.008 * stripes - v) * 180)
     skin = blend(skin, linear([150, 118, 62]), 0.85 * russet)
