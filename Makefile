@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 RUN := $(VENV)/bin
 
-.PHONY: demo test lint bench format clean
+.PHONY: demo test lint bench sessions format clean
 
 demo: $(VENV)/ready
 	$(RUN)/pomolog demo
@@ -18,6 +18,9 @@ lint: $(VENV)/ready-dev
 
 bench: $(VENV)/ready-dev
 	$(RUN)/python -m benchmarks
+
+sessions: $(VENV)/ready-orchard # about an hour; also needs LLVM 19 (on Debian: libllvm19)
+	$(RUN)/python sessions/make_sessions.py
 
 format: $(VENV)/ready-dev
 	$(RUN)/ruff check --fix .
@@ -35,6 +38,10 @@ $(VENV)/ready: pyproject.toml | $(VENV)/bin/python
 $(VENV)/ready-dev: pyproject.toml | $(VENV)/bin/python
 	$(RUN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
 	@touch $@ $(VENV)/ready
+
+$(VENV)/ready-orchard: pyproject.toml | $(VENV)/bin/python
+	$(RUN)/python -m pip install --quiet --disable-pip-version-check --editable '.[orchard]'
+	@touch $@
 
 clean:
 	rm -rf $(VENV) results .pytest_cache .mypy_cache .ruff_cache .hypothesis

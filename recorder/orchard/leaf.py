@@ -37,10 +37,6 @@ class LeafPlaces:
     def __len__(self) -> int:
         return len(self.bases_m)
 
-    def where(self, keep: npt.NDArray[np.bool_]) -> "LeafPlaces":
-        """Only those."""
-        return LeafPlaces(self.bases_m[keep], self.directions[keep], self.ups[keep])
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Blades:
@@ -51,17 +47,29 @@ class Blades:
     uv: Floats
     faces: npt.NDArray[np.int64]
 
-    def surface(self, keep: npt.NDArray[np.bool_] | None = None) -> Surface:
-        """One mesh of all of them, or of those to keep; blade n owns faces n*F .. (n+1)*F."""
-        chosen = slice(None) if keep is None else keep
-        points_m = self.points_m[chosen]
-        count, vertices = points_m.shape[:2]
+    @staticmethod
+    def joined(parts: "list[Blades]") -> "Blades":
+        """All of them, in order; their grids are equal."""
+        return Blades(
+            np.concatenate([p.points_m for p in parts]),
+            np.concatenate([p.normals for p in parts]),
+            np.concatenate([p.uv for p in parts]),
+            parts[0].faces,
+        )
+
+    def where(self, keep: npt.NDArray[np.bool_]) -> "Blades":
+        """Only those."""
+        return Blades(self.points_m[keep], self.normals[keep], self.uv[keep], self.faces)
+
+    def surface(self) -> Surface:
+        """One mesh of all of them; blade n owns faces n*F .. (n+1)*F."""
+        count, vertices = self.points_m.shape[:2]
         faces = self.faces[None] + (np.arange(count) * vertices)[:, None, None]
         return Surface(
-            points_m.reshape(-1, 3),
+            self.points_m.reshape(-1, 3),
             faces.reshape(-1, 3),
-            self.normals[chosen].reshape(-1, 3),
-            self.uv[chosen].reshape(-1, 2),
+            self.normals.reshape(-1, 3),
+            self.uv.reshape(-1, 2),
         )
 
 
@@ -146,7 +154,7 @@ def _paint_blade(rng: np.random.Generator, *, plastic: bool) -> Image:
     rows, columns = BLADE_PX
     y = np.linspace(0, 1, rows)[:, None]
     x = np.linspace(-1, 1, columns)[None]
-    dark, bright = ([40, 112, 46], [62, 140, 52]) if plastic else ([54, 84, 50], [92, 118, 62])
+    dark, bright = ([44, 92, 44], [66, 122, 58]) if plastic else ([54, 84, 50], [92, 118, 62])
     colour = blend(linear(dark), linear(bright), float(rng.random()))
     if not plastic and rng.random() < 0.06:
         colour = linear([138, 136, 58])  # a blade turning yellow

@@ -32,14 +32,19 @@ class Look:
     sun_direction: Floats | None
 
 
+def as_kept(light: Image) -> Image:
+    """Light rounded to half floats, finer than any camera's noise: as `save_look` keeps it."""
+    return np.minimum(light, _BRIGHTEST).astype(np.float16).astype(np.float32)
+
+
 def save_look(path: Path, look: Look) -> None:
-    """Keep a look; its light as half floats, which are finer than any camera's noise."""
+    """Keep a look on the disk."""
     about = {
         "apples": [asdict(apple) for apple in look.truth.apples or ()],
         "range_m": look.range_m,
         "sun_direction": None if look.sun_direction is None else look.sun_direction.tolist(),
     }
-    light = [np.minimum(plane, _BRIGHTEST).astype(np.float16) for plane in look.light]
+    light = [as_kept(plane).astype(np.float16) for plane in look.light]
     labels = [np.asarray(plane, np.uint16) for plane in (look.truth.left, look.truth.right)]
     with replacing(path) as part, part.open("wb") as stream:
         np.savez_compressed(

@@ -49,7 +49,6 @@ class _Lens:
         slopes = view.slopes().reshape(height_px, width_px, 2)
         per_column = np.asarray(np.gradient(slopes, axis=1)).reshape(-1, 2)
         per_row = np.asarray(np.gradient(slopes, axis=0)).reshape(-1, 2)
-        self.view, self.focus_m = view, focus_m
         self.size_px = (width_px, height_px)
         self._centres = mi.Point2f(*map(_floats, slopes.reshape(-1, 2).T))
         self._per_column = mi.Vector2f(*map(_floats, per_column.T))
@@ -57,6 +56,9 @@ class _Lens:
         axes = np.eye(4)
         axes[:3, :3], axes[:3, 3] = view.rotation, view.centre_m
         self._world = mi.Transform4f(axes)
+        self._focus_m = mi.Float(focus_m)
+        # numbers that a compiled kernel must not contain, or each view would compile its own
+        load_part("drjit").make_opaque(self._world, self._focus_m)
 
     def rays(self, samples: int, seed: int) -> tuple[Any, Any]:
         """`samples` rays for every pixel, pixel by pixel, and the sampler that made them."""
@@ -73,7 +75,7 @@ class _Lens:
         slope += dr.gather(mi.Vector2f, self._per_row, pixel) * within.y
         lens = mi.warp.square_to_uniform_disk_concentric(sampler.next_2d()) * APERTURE_RADIUS_M
         start = mi.Point3f(lens.x, lens.y, 0)
-        focus = mi.Point3f(slope.x * self.focus_m, slope.y * self.focus_m, self.focus_m)
+        focus = mi.Point3f(slope.x, slope.y, 1) * self._focus_m
         direction = dr.normalize(self._world @ mi.Vector3f(focus - start))
         ray = mi.RayDifferential3f(mi.Ray3f(self._world @ start, direction))
         return ray, sampler
@@ -99,17 +101,17 @@ def _paths(scene: Any, lens: _Lens, quality: RenderQuality, seed: int) -> Image:
         {"type": "path", "max_depth": quality.bounces, "rr_depth": _ROULETTE_FROM}
     )
     total = np.zeros((*lens.size_px[::-1], 3), np.float32)
-    done, part, ceiling = 0, 0, np.inf
+    done, part, ceiling = 0, 0, mi.Float(0)
     while done < quality.samples:
         samples = min(_SAMPLES_A_PASS, quality.samples - done)
         ray, sampler = lens.rays(samples, seed * 1009 + part)
         light, _, _ = integrator.sample(scene, sampler, ray, None, True)
-        light = dr.select(dr.isfinite(light), dr.minimum(light, ceiling), 0)
+        light = dr.select(dr.isfinite(light), light, 0)
         dr.eval(light)
-        if not np.isfinite(ceiling):
-            brightness = np.array(dr.mean(dr.minimum(dr.mean(light), 1e3)))
-            ceiling = max(_BRIGHTEST * float(brightness.ravel()[0]), 1e-3)
-            light = dr.minimum(light, ceiling)
+        if part == 0:
+            mean = np.array(dr.mean(dr.minimum(dr.mean(light), 1e3))).ravel()[0]
+            ceiling = dr.opaque(mi.Float, max(_BRIGHTEST * float(mean), 1e-3))
+        light = dr.minimum(light, ceiling)
         total = total + lens.picture(light, samples) * samples
         done += samples
         part += 1

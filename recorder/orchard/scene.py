@@ -198,7 +198,7 @@ class Shot:
 
 
 def shots(scene: Scene, fraction: float = 1.0, split: Split = "both") -> list[Shot]:
-    """The scene's stereo pairs in order, or an even sample of them.
+    """The scene's stereo pairs in order, or an even sample of them (of a motion, its beginning).
 
     Raises:
         PomologError: nothing is left.
@@ -216,7 +216,7 @@ def shots(scene: Scene, fraction: float = 1.0, split: Split = "both") -> list[Sh
             f"{'is' if split == 'test' else 'is not'} divisible by {TEST_EVERY}; "
             "give it more worlds or another seed"
         )
-    steps = scene.motion.pairs if scene.motion else 1
+    steps = max(1, round(fraction * scene.motion.pairs)) if scene.motion else 1
     return [
         Shot(seed, range_m, step, ev)
         for seed, range_m in worlds

@@ -17,12 +17,12 @@ _READ_NOISE_E: Final = 9.0
 _RESPONSE_SPREAD: Final = 0.006  # from pixel to pixel
 _BLACK: Final = 64  # of the 12-bit converter
 _WHITE: Final = 4095
-_LENS_BLUR_PX: Final = 0.55
+_LENS_BLUR_PX: Final = 0.5
 _CROSSTALK: Final = np.array([[0.72, 0.24, 0.04], [0.10, 0.78, 0.12], [0.02, 0.22, 0.76]])
 _FLARE: Final = ((0.010, 12.0), (0.012, 60.0))  # (share of the light, spread in px at 1280 px)
 _VEIL: Final = 0.05  # of a picture's mean light, laid over it when the sun stands in the lens
 _VEIL_ANGLE_RAD: Final = 0.7
-_METERED: Final = 0.18  # mean that automatic exposure aims at, of full scale
+_METERED: Final = 0.20  # mean that automatic exposure aims at, of full scale
 _METER_DISCOUNT: Final = 88  # percentile above which light counts no more: the sky
 
 

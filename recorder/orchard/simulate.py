@@ -10,7 +10,7 @@ import numpy as np
 from recorder.errors import PomologError
 from recorder.orchard.camera import rig_pose
 from recorder.orchard.engine import Floats, load_mitsuba
-from recorder.orchard.looks import Look, load_look, save_look
+from recorder.orchard.looks import Look, as_kept, load_look, save_look
 from recorder.orchard.noise import Image
 from recorder.orchard.render import RenderQuality, render_view
 from recorder.orchard.scene import Scene, Shot, Split
@@ -160,7 +160,7 @@ class _Studio:
             if side == "left":
                 range_m = beam_range_m(scene, pose)
             seed = (shot.seed * 4099 + shot.step * 2 + n) % 1_000_003
-            lights.append(render_view(scene, view, quality, seed))
+            lights.append(as_kept(render_view(scene, view, quality, seed)))
             poses.append(pose)
         truth = pair_truth((poses[0], poses[1]), (labels[0], labels[1]), world.apples,
                            (skins[0], skins[1]))  # fmt: skip

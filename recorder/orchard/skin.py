@@ -54,7 +54,7 @@ RECIPES: Final[dict[Cultivar, Recipe]] = {
         cover=(1.5, 3.3), stripes=0.5, sun_side=0.8, lenticels=1100, dot=(226, 190, 150),
     ),
     "dark-red": Recipe(
-        ground=((170, 120, 80), (160, 90, 70)), blush=((158, 26, 44), (104, 12, 30)),
+        ground=((206, 130, 96), (196, 100, 84)), blush=((196, 36, 66), (134, 16, 42)),
         cover=(2.6, 4.2), stripes=0.25, sun_side=0.4, lenticels=900, dot=(206, 150, 130),
         russet=0.03, bloom=0.12, roughness=0.30, height_ratio=(0.88, 1.0), width_m=0.077,
     ),

@@ -11,7 +11,7 @@ from recorder.orchard.apple import NEAR_GRID, Apple, grow_apple
 from recorder.orchard.camera import RigPose, View
 from recorder.orchard.engine import Floats
 from recorder.orchard.leaf import NEAR_GRID as LEAF_GRID
-from recorder.orchard.leaf import LeafPlaces, grow_blades
+from recorder.orchard.leaf import Blades, LeafPlaces, grow_blades
 from recorder.orchard.noise import unit
 from recorder.orchard.scene import Specimen
 from recorder.orchard.skin import Recipe
@@ -30,7 +30,7 @@ class HungFruit:
 
     apples: list[Apple]
     branches: list[Branch]
-    leaves: LeafPlaces
+    leaves: Blades
 
 
 def hang_specimen(
@@ -53,13 +53,12 @@ def hang_specimen(
     )
     rise = curve(rng, spur, [rng.normal(0, 0.2), 0.25, 1], _HANG_M, 14, droop=0, wobble=0.03)
     twig = Branch(rise, np.linspace(0.0026, 0.006, 14), 10)
-    apples, leaves = [measured], _spur_leaves(rng, spur)
+    apples, leaves = [measured], grow_blades(rng, _spur_leaves(rng, spur), LEAF_GRID)
     if wanted.hidden_by == "fruit":
         apples.append(_neighbour(rng, measured, recipe))
     if wanted.hidden_by == "leaves":
-        leaves = LeafPlaces.joined(
-            [leaves, _covering_leaves(rng, measured, pose, wanted.hidden_fraction)]
-        )
+        cover = _covering_leaves(rng, measured, pose, wanted.hidden_fraction)
+        leaves = Blades.joined([leaves, cover])
     return HungFruit(apples, [twig], leaves)
 
 
@@ -75,7 +74,7 @@ def _neighbour(rng: np.random.Generator, first: Apple, recipe: Recipe) -> Apple:
     """A second fruit that touches the first and covers a side of it, for both cameras."""
     side = float(rng.choice([-1.0, 1.0]))
     for gap in np.linspace(0.92, 1.4, 25):  # towards the cameras and aside, until just clear
-        aside = np.array([side * 0.86, -0.5, rng.uniform(-0.12, 0.12)])
+        aside = np.array([side * 0.62, -0.78, rng.uniform(-0.12, 0.12)])
         centre = first.centre_m + unit(aside) * gap * 2 * first.radius_m
         second = grow_apple(
             rng,
@@ -93,7 +92,7 @@ def _neighbour(rng: np.random.Generator, first: Apple, recipe: Recipe) -> Apple:
 
 def _covering_leaves(
     rng: np.random.Generator, apple: Apple, pose: RigPose, fraction: float
-) -> LeafPlaces:
+) -> Blades:
     """Leaves just before the fruit that hide that fraction of its outline, the views averaged.
 
     Leaves are tried in turn and kept where they bring the hidden share nearer to what is wanted.
@@ -104,8 +103,7 @@ def _covering_leaves(
     bases = apple.centre_m + np.stack([across[:, 0], -before, across[:, 1] + 0.03], 1)
     downwards = unit(rng.normal(0, 0.6, (count, 3)) * [1, 0.25, 1] + [0, -0.1, -0.6])
     ups = unit(rng.normal(0, 0.3, (count, 3)) + np.array([0, -1.0, 0.35]))
-    places = LeafPlaces(bases, downwards, ups)
-    blades = grow_blades(np.random.default_rng(0), places, LEAF_GRID)
+    blades = grow_blades(rng, LeafPlaces(bases, downwards, ups), LEAF_GRID)
     clear = np.linalg.norm(blades.points_m - apple.centre_m, axis=2).min(1) > apple.reach_m
     views = [pose.view(side) for side in SIDES]
     outlines = [_outline(view, apple) for view in views]
@@ -128,7 +126,7 @@ def _covering_leaves(
             break
     chosen = np.zeros(count, bool)
     chosen[kept] = True
-    return places.where(chosen)
+    return blades.where(chosen)
 
 
 Mask = npt.NDArray[np.uint8]

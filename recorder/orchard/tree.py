@@ -15,6 +15,7 @@ from recorder.orchard.wood import Branch, along, clearance_points, curve
 
 GAP_M: Final = 0.001  # least air between a fruit and wood
 _SKIN_STRIDE: Final = 3  # of a fruit's vertices, one in so many is asked: each 5 degrees
+_CORE: Final = 0.8  # of a fruit's half width: what is nearer than this is surely inside it
 _TRIES: Final = 6  # to hang one fruit clear of everything
 _CLUSTER_SIZES: Final = ((1, 2, 3), (0.50, 0.34, 0.16))  # fruit on a spur, and how often
 _WIDTH_SPREAD: Final = 0.06  # of the fruit on one tree
@@ -144,6 +145,10 @@ class Wood:
         self._index: Any = cKDTree(self._points_m)
         self._thickest_m = float(self._radii_m.max())
 
+    def reaches(self, centre_m: Floats, radius_m: float) -> bool:
+        """Whether the middle of any of it comes so near to that point: a quick first question."""
+        return bool(self._index.query(centre_m)[0] < radius_m)
+
     def touches(self, apple: Apple) -> bool:
         """Whether any of the wood is nearer than `GAP_M` to the fruit's skin.
 
@@ -235,7 +240,10 @@ def _try_hanging(
         else:
             beside = unit([*rng.standard_normal(2), rng.normal(-0.1, 0.35)])
             centre = first.centre_m + beside * (first.radius_m + width_m / 2) * 1.03
-        if not allowed(centre):
+        core_m = _CORE * width_m / 2 * min(1.0, ratio)
+        if not allowed(centre) or wood.reaches(centre, core_m):
+            continue
+        if any(np.linalg.norm(a.centre_m - centre) < _CORE * a.radius_m + core_m for a in others):
             continue
         upwards = unit(spur.tip_m + np.array([0, 0, 0.02]) - centre)
         apple = grow_apple(

@@ -161,8 +161,9 @@ class _NearRow:
     ) -> World:
         """Everything near as meshes, added to `shapes`."""
         grown = [b for t in self.trees for b in t.branches if self._in_front(b.points_m)]
-        hung = self.hung or HungFruit([], [], LeafPlaces(*np.zeros((3, 0, 3))))
-        wood = grown + hung.branches
+        hung = self.hung
+        hung_fruit = hung.apples if hung else []
+        wood = grown + (hung.branches if hung else [])
         on_trees = self._fruit(Wood(wood + trellis)) if self.scene.trees.fruit else []
         indoors = self.scene.place == "room"
         skin = plastic_fruit(self.rngs["paint"]) if indoors and on_trees else materials.skin
@@ -170,15 +171,15 @@ class _NearRow:
         fruit: list[FruitMesh] = []
         swinging, swing = {}, {}
         for name, first, apples, material in (
-            ("hung_fruit", 0, hung.apples, materials.skin),
-            ("fruit", len(hung.apples), on_trees, skin),
+            ("hung_fruit", 0, hung_fruit, materials.skin),
+            ("fruit", len(hung_fruit), on_trees, skin),
         ):
             if apples:
                 shapes[name] = make_mesh(name, fruit_surface(rng, apples), material)
                 faces_each = len(apples[0].surface.faces)
                 fruit.append(FruitMesh(name, first, len(apples), faces_each))
                 swinging[name] = np.stack([a.surface.points_m for a in apples])
-        everything = hung.apples + on_trees
+        everything = hung_fruit + on_trees
         blades = self._leaves(everything, hung)
         shapes["leaves"] = make_mesh("leaves", blades.surface(), materials.leaf)
         swinging["leaves"] = blades.points_m
@@ -192,18 +193,13 @@ class _NearRow:
             shapes["stems"] = make_mesh("stems", stem_surface(rng, everything), materials.stem)
         return World(shapes, everything, fruit, sun, swinging, swing)
 
-    def _leaves(self, apples: list[Apple], hung: HungFruit) -> Blades:
+    def _leaves(self, apples: list[Apple], hung: HungFruit | None) -> Blades:
         places = LeafPlaces.joined([tree.leaves for tree in self.trees])
         blades = grow_blades(self.rngs["leaves"], places, leaf_shape.NEAR_GRID)
         keep = (blades.points_m[..., 1] > self.free_to_m).all(1)
         keep &= ~_inside_fruit(blades.points_m, apples)
-        before = grow_blades(np.random.default_rng(0), hung.leaves, leaf_shape.NEAR_GRID)
-        return Blades(
-            np.concatenate([before.points_m, blades.points_m[keep]]),
-            np.concatenate([before.normals, blades.normals[keep]]),
-            np.concatenate([before.uv, blades.uv[keep]]),
-            blades.faces,
-        )
+        grown = blades.where(keep)
+        return Blades.joined([hung.leaves, grown]) if hung else grown
 
 
 def _inside_fruit(points_m: Floats, apples: list[Apple]) -> Any:
