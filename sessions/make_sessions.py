@@ -122,7 +122,7 @@ def truth_differs(one: Path, other: Path) -> str | None:
             assert theirs.truth is not None
             for x, y in ((ours.truth.left, theirs.truth.left),
                          (ours.truth.right, theirs.truth.right)):  # fmt: skip
-                pixels += np.size(x)
+                pixels += np.asarray(x).size
                 differing += _count_differing(x, y)
             known = {apple.id: apple.centre_m for apple in theirs.truth.apples or ()}
             for apple in ours.truth.apples or ():
