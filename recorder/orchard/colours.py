@@ -85,7 +85,7 @@ def _panel(
         np.histogram(np.clip(v[~np.isnan(v)], low, high), _BINS, (low, high))[0] for v in values
     ]
     heights = [share / max(share.sum(), 1) for share in shares]
-    top = max(float(np.sort(h)[-3]) for h in heights) * 1.1
+    top = max(0.01, *(float(np.sort(h)[-3]) for h in heights)) * 1.1
     x = np.linspace(8, columns - 8, _BINS)
     for (label, colour, _), height, n in zip(curves, heights, range(len(curves)), strict=True):
         y = rows + 18 - np.minimum(height / top, 1) * (rows - 10)
