@@ -5,6 +5,7 @@ import re
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Final, Literal
 
@@ -60,12 +61,12 @@ def load_mitsuba() -> Any:
     Raises:
         PomologError: Mitsuba or its LLVM is missing or of a version that would abort the process.
     """
-    try:
-        import_module("drjit")
-    except ImportError as error:
+    missing = [name for name in ("drjit", "mitsuba", "mitsuba_oidn") if find_spec(name) is None]
+    if missing:  # only looked for: importing drjit would load whatever LLVM it finds
         raise PomologError(
-            f"the digital orchard needs mitsuba ({error}); try: pip install 'pomolog[orchard]'"
-        ) from None
+            f"the digital orchard needs {', '.join(missing)}, which is not installed; "
+            "try: pip install 'pomolog[orchard]'"
+        )
     library = find_llvm()
     os.environ[_LLVM_VARIABLE] = str(library)
     try:
@@ -96,10 +97,10 @@ def find_llvm() -> Path:
         major = _llvm_major(Path(named))
         if not Path(named).is_file():
             raise PomologError(f"{_LLVM_VARIABLE} names no file ({named}); {_INSTALL_LLVM}")
-        if major is not None and major != LLVM_MAJOR:
+        if major != LLVM_MAJOR:
             raise PomologError(
-                f"{_LLVM_VARIABLE} names LLVM {major} ({named}), the digital orchard needs "
-                f"{LLVM_MAJOR}; {_INSTALL_LLVM}"
+                f"{_LLVM_VARIABLE} names LLVM {major or 'of an unknown version'} ({named}), the "
+                f"digital orchard needs {LLVM_MAJOR}; {_INSTALL_LLVM}"
             )
         return Path(named)
     seen: set[int] = set()
