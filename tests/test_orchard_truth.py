@@ -247,6 +247,7 @@ def test_wind_moves_the_fruit_between_a_late_right_exposure_and_the_left(tmp_pat
     assert (first.right.time_ns - first.left.time_ns) == frame_times(scene)[1] == 20_000_000
     assert first.truth is not None
     assert second.truth is not None
+    assert first.truth.right is not None  # found although the right picture came later
     before = {a.id: a.centre_m for a in first.truth.apples or ()}
     after = {a.id: a.centre_m for a in second.truth.apples or ()}
     both = sorted(before.keys() & after.keys())
