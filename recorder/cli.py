@@ -180,7 +180,7 @@ def simulate(
     ] = 1.0,
     split: Annotated[str, typer.Option(help="Only these worlds: train, test, or both.")] = "both",
     cache: Annotated[
-        Path | None, typer.Option(help="Keep rendered pairs here; a killed run resumes from them.")
+        Path | None, typer.Option(help="Keep rendered pairs here, for other exposures and names.")
     ] = None,
 ) -> None:
     """Make a session in the digital orchard: photo-like pictures with exact truth."""

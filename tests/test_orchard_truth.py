@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from recorder.errors import PomologError
-from recorder.orchard.camera import RigPose, rig_pose
+from recorder.orchard.camera import RigPose, View, rig_pose
 from recorder.orchard.engine import load_mitsuba
+from recorder.orchard.noise import Image
 from recorder.orchard.render import RenderQuality, render_view
 from recorder.orchard.scene import Scene, shots
 from recorder.orchard.simulate import frame_times, simulate
@@ -228,6 +229,28 @@ def test_a_session_is_whole_and_the_same_when_made_again_from_what_was_kept(
         assert session.metadata["lighting"] == "indoor"
         assert session.metadata["scene_hash"] == scene.digest
         assert [note.text for note in session.notes()] == ["exposure +0 EV", "exposure +1 EV"]
+
+
+def test_a_killed_run_goes_on_where_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    rendered = []
+
+    def render(_scene: object, view: View, _quality: object, seed: int) -> Image:
+        rendered.append(seed)
+        width, height = view.camera.size_px
+        return np.full((height, width, 3), 0.2, np.float32)
+
+    def killed() -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("recorder.orchard.simulate.render_view", render)
+    scene = scene_of(worlds=2, camera={"size_px": [160, 128]})
+    out = tmp_path / "s.mcap"
+    with pytest.raises(KeyboardInterrupt):
+        simulate(scene, shots(scene), out, tick=killed)
+    assert [path.name for path in tmp_path.iterdir()] == ["s.mcap.pairs"]
+    simulate(scene, shots(scene), out)
+    assert len(rendered) == len(set(rendered)) == 4
+    assert [path.name for path in tmp_path.iterdir()] == ["s.mcap"]
 
 
 def test_geometry_depends_on_the_seed_alone() -> None:

@@ -1,6 +1,7 @@
 """From a scene file to a session: grow, look, render, expose, write; what was made is kept."""
 
 import hashlib
+import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, Final
@@ -49,7 +50,16 @@ def simulate(
     metadata: dict[str, str] | None = None,
     tick: Callable[[], None] = lambda: None,
 ) -> None:
-    """Make a session of those shots; pairs that `cache` has are not rendered again.
+    """Make a session of those shots; pairs that are kept already are not rendered again.
+
+    Args:
+        scene: what to make.
+        todo: its shots, or some of them.
+        out: the session.
+        cache: where rendered pairs are kept. None: beside `out` until it is whole, so that a
+            killed run resumes.
+        metadata: what else the session says of itself.
+        tick: called after each pair.
 
     Raises:
         PomologError: Mitsuba or LLVM is missing, no apple is in view, or the disk is full.
@@ -61,8 +71,9 @@ def simulate(
     period_ns, skew_ns = frame_times(scene)
     if skew_ns > DEFAULT_MAX_SKEW_NS:
         about["max_skew_ns"] = str(2 * skew_ns)
+    kept = cache or out.with_name(f"{out.name}.pairs")
     with SessionWriter.create(out, rig, about, raw_images=raw) as writer:
-        studio = _Studio(scene, rig, cache)
+        studio = _Studio(scene, rig, kept)
         for index, shot in enumerate(todo):
             look = studio.look(shot)
             if not scene.motion and not _any_apple(look.truth):
@@ -70,6 +81,8 @@ def simulate(
             time_ns = START_NS + index * period_ns
             _write(writer, scene, rig, shot, look, index, time_ns, skew_ns)
             tick()
+    if cache is None:
+        shutil.rmtree(kept, ignore_errors=True)
 
 
 def frame_times(scene: Scene) -> tuple[int, int]:
@@ -114,7 +127,7 @@ def _no_apple(scene: Scene, shot: Shot) -> PomologError:
 class _Studio:
     """Grows worlds and looks at them, one at a time; the last is kept for the next shot."""
 
-    def __init__(self, scene: Scene, rig: Rig, cache: Path | None) -> None:
+    def __init__(self, scene: Scene, rig: Rig, cache: Path) -> None:
         self._scene, self._rig, self._cache = scene, rig, cache
         self._seen: tuple[str, Look] | None = None
         self._grown: tuple[tuple[int, float | None], World, Any] | None = None
@@ -123,12 +136,11 @@ class _Studio:
         """The shot's light and truth: remembered, kept on the disk, or rendered now."""
         key = look_key(self._scene, shot)
         if self._seen is None or self._seen[0] != key:
-            kept = self._cache and self._cache / f"{key}.npz"
-            look = load_look(kept) if kept and kept.is_file() else None
+            kept = self._cache / f"{key}.npz"
+            look = load_look(kept) if kept.is_file() else None
             if look is None:
                 look = self._render(shot)
-                if kept:
-                    save_look(kept, look)
+                save_look(kept, look)
             self._seen = (key, look)
         return self._seen[1]
 
