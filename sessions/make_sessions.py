@@ -61,8 +61,6 @@ SAMPLES: Final = (
     Sample("distance-indoor-leaves", 3),
     Sample("distance-indoor-fruit", 2),
     Sample("distance-outdoor-back", 2),
-    Sample("matching-back", 1, "test"),
-    Sample("matching-cloudy", 1, "test"),
 )
 
 
