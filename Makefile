@@ -36,7 +36,7 @@ $(VENV)/ready: pyproject.toml | $(VENV)/bin/python
 	@touch $@
 
 $(VENV)/ready-dev: pyproject.toml | $(VENV)/bin/python
-	$(RUN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	$(RUN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev,orchard]'
 	@touch $@ $(VENV)/ready
 
 $(VENV)/ready-orchard: pyproject.toml | $(VENV)/bin/python
