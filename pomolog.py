@@ -18,6 +18,7 @@ class Command(NamedTuple):
 
 
 COMMANDS: Final[dict[str, Command]] = {
+    "record": Command("recorder.cli", "record cameras and a rangefinder in the field"),
     "import": Command("recorder.cli", "make a session from pictures"),
     "label": Command("recorder.cli", "give a session truth: masks and apples"),
     "simulate": Command("recorder.cli", "make a session in the digital orchard"),

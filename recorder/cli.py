@@ -1,13 +1,19 @@
 """The recorder's commands: thin, they turn words into calls and results into lines."""
 
 import json
+import sys
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from recorder.errors import PomologError, TornFileError
+
+if TYPE_CHECKING:
+    from recorder.capture import Plan, Recorder
+    from recorder.check import Finding
+    from recorder.status import RecorderStatus
 
 app = typer.Typer(
     add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False,
@@ -194,3 +200,86 @@ def simulate(
     with progress("simulating", len(todo)) as tick:
         make(asked, todo, out, cache=cache, tick=tick)
     print(f"{out}: {len(todo)} stereo pairs")
+
+
+@app.command(
+    epilog="Example: pomolog record --rig rig.toml --out day1/ --lighting front --split 5min"
+)
+def record(
+    rig: Annotated[Path, typer.Option(help="rig.toml with [cameras.*]; see docs/recording.md.")],
+    out: Annotated[Path, typer.Option("--out", "-o", help="The folder for the recording.")],
+    lighting: Annotated[str, typer.Option(help="front, back, cloudy, indoor, ...")] = "",
+    cultivar: Annotated[str, typer.Option(help="The apples' variety.")] = "",
+    site: Annotated[str, typer.Option(help="Where this is.")] = "",
+    name: Annotated[str, typer.Option(help="The file's name; the date and time if left out.")] = "",
+    split: Annotated[str, typer.Option(help="A new file every 5min, 1h, 500MB, 2GB, ...")] = "",
+    duration: Annotated[
+        float | None, typer.Option(min=0.1, help="Seconds; until Ctrl-C if left out.")
+    ] = None,
+    preview: Annotated[bool, typer.Option("--preview", help="A page with both views.")] = False,
+    preview_port: Annotated[int, typer.Option(min=0, max=65535)] = 8765,
+    check: Annotated[
+        bool, typer.Option("--check", help="Try everything, record nothing; go or no go.")
+    ] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Record both cameras and the rangefinder until Ctrl-C; nothing is lost silently.
+
+    While recording: the space bar takes a reading for the fruit at the crosshair, a number and the
+    space bar one for that apple; a typed distance (4,532 m # apple 7) is a reading, any other line
+    a note, key=value a condition from then on.
+    """
+    from rich.console import Console
+
+    from recorder.field import make_plan
+    from recorder.field import record as run
+    from recorder.status_line import losses, status_line
+
+    about = {"lighting": lighting, "cultivar": cultivar, "site": site}
+    plan = make_plan(rig, out, name=name, split=split, about=about)
+    if check:
+        _preflight(plan, as_json)
+        return
+    console = Console(stderr=True)
+
+    def show(status: "RecorderStatus", recorder: "Recorder", typing: str) -> None:
+        if console.is_terminal:
+            last = recorder.messages[-1] if recorder.messages else ""
+            line = "  ".join((status_line(status), last, f"> {typing}" if typing else ""))
+            sys.stderr.write(f"\r\x1b[K{line[: max(20, console.width - 1)]}")
+            sys.stderr.flush()
+
+    recorder = run(
+        plan,
+        duration_s=duration,
+        preview_port=preview_port if preview else None,
+        show=show,
+        announce=lambda line: typer.echo(line, err=True),
+    )
+    status = recorder.status()
+    if as_json:
+        files = [str(path) for path in recorder.files]
+        print(json.dumps({"files": files, "status": asdict(status)}))
+        return
+    for path in recorder.files:
+        print(f"{path}: {path.stat().st_size / 1e6:.1f} MB")
+    left, right = (status.stream(side) for side in ("left", "right"))
+    print(f"{status.pairs} pairs, {losses(left, right)}")
+
+
+def _preflight(plan: "Plan", as_json: bool) -> None:
+    """Print what `--check` finds; exit 1 on no go."""
+    from recorder.preflight import preflight
+
+    def tell(finding: "Finding") -> None:
+        if not as_json:
+            print(f"{finding.level:8} {finding.text}", flush=True)
+
+    findings = preflight(plan, tell)
+    failed = [finding for finding in findings if finding.level == "failure"]
+    if as_json:
+        print(json.dumps({"go": not failed, "findings": [asdict(f) for f in findings]}))
+        raise typer.Exit(1 if failed else 0)
+    if failed:
+        raise PomologError(f"no go: {failed[0].text}")
+    print("go")

@@ -16,8 +16,10 @@ _F = FieldDescriptorProto
 _TYPES: Final = {
     "bool": _F.TYPE_BOOL,
     "double": _F.TYPE_DOUBLE,
+    "int64": _F.TYPE_INT64,
     "string": _F.TYPE_STRING,
     "uint32": _F.TYPE_UINT32,
+    "uint64": _F.TYPE_UINT64,
 }
 
 # message -> {field: type}. A new field goes at the end of its message: the number on the wire is
@@ -45,6 +47,44 @@ SCHEMAS: Final[dict[str, dict[str, str]]] = {
         "apples_known": "bool",
         "partial": "bool",
         "identified": "bool",
+    },
+    "FrameStamp": {
+        "timestamp": "google.protobuf.Timestamp",
+        "stream": "string",
+        "frame_id": "uint64?",
+        "device_ns": "int64?",
+        "host_ns": "int64",
+        "monotonic_ns": "int64",
+        "status": "string",
+    },
+    "StreamStatus": {
+        "stream": "string",
+        "frames": "uint64",
+        "bytes": "uint64",
+        "dropped": "uint64",
+        "late": "uint64",
+        "incomplete": "uint64",
+        "missing": "uint64",
+        "unpaired": "uint64",
+        "reopened": "uint64",
+        "faults": "uint64",
+        "silent_ns": "int64",
+        "rate_hz": "double",
+        "overexposed": "double?",
+        "underexposed": "double?",
+        "focus": "double?",
+        "drift_ppm": "double?",
+    },
+    "RecorderStatus": {
+        "timestamp": "google.protobuf.Timestamp",
+        "state": "string",
+        "streams": "pomolog.StreamStatus*",
+        "pairs": "uint64",
+        "skew_ns": "int64?",
+        "queue_bytes": "uint64",
+        "disk_free_bytes": "uint64",
+        "disk_left_s": "double?",
+        "warnings": "string*",
     },
 }
 
@@ -85,3 +125,6 @@ def _message_class(name: str) -> Any:  # protobuf's run-time classes have no sta
 RangeReadingMessage: Final = _message_class("RangeReading")
 FrameTruthMessage: Final = _message_class("FrameTruth")
 AppleTruthMessage: Final = _message_class("AppleTruth")
+FrameStampMessage: Final = _message_class("FrameStamp")
+StreamStatusMessage: Final = _message_class("StreamStatus")
+RecorderStatusMessage: Final = _message_class("RecorderStatus")

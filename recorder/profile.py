@@ -19,7 +19,13 @@ from scipy.spatial.transform import Rotation
 
 from recorder.errors import PomologError
 from recorder.mcap_records import RawMessage
-from recorder.messages import AppleTruthMessage, FrameTruthMessage, RangeReadingMessage
+from recorder.messages import (
+    AppleTruthMessage,
+    FrameStampMessage,
+    FrameTruthMessage,
+    RangeReadingMessage,
+    RecorderStatusMessage,
+)
 from recorder.pictures import identify
 from recorder.records import (
     COMPRESSED,
@@ -51,6 +57,8 @@ TOPICS: Final[dict[str, Any]] = {
     "/truth/right": CompressedImage,
     "/truth/apples": FrameTruthMessage,
     "/notes": Log,
+    "/recorder/status": RecorderStatusMessage,
+    "/recorder/stamps": FrameStampMessage,
 }
 IMAGE_TOPICS: Final[dict[Side, str]] = {"left": "/left/image", "right": "/right/image"}
 RIG_TOPICS: Final = ("/left/calibration", "/right/calibration", "/tf")

@@ -50,14 +50,23 @@ from recorder.records import (
     StereoPair,
 )
 from recorder.rig import Rig
+from recorder.status import (
+    FrameStamp,
+    RecorderStatus,
+    decode_stamp,
+    decode_status,
+    encode_stamp,
+    encode_status,
+)
 
 DEFAULT_MAX_SKEW_NS: Final = 5_000_000  # at 300 mm/s a skew of 5 ms costs 7.5 mm at 1 m
 READING_WINDOW_NS: Final = 500_000_000  # a reading further away than this belongs to no pair
 
 # metadata that says how the file is made, not what was recorded
-NOT_CONDITIONS: Final = frozenset(
-    ("profile", "images", "rig", "rangefinder_std_m", "max_skew_ns", "made_by", "salvaged_from")
-)
+NOT_CONDITIONS: Final = frozenset((
+    "profile", "images", "rig", "rangefinder_std_m", "max_skew_ns", "made_by", "salvaged_from",
+    "clock_zero_ns", "segment", "equipment",
+))  # fmt: skip
 
 
 class SessionWriter:
@@ -135,6 +144,14 @@ class SessionWriter:
     def write_note(self, note: Note) -> None:
         """Write a line that the operator typed."""
         self._write("/notes", note.time_ns, encode_note(note))
+
+    def write_stamp(self, stamp: FrameStamp) -> None:
+        """Write what the recorder knows of a frame's times, beside the frame."""
+        self._write("/recorder/stamps", stamp.time_ns, encode_stamp(stamp))
+
+    def write_status(self, status: RecorderStatus) -> None:
+        """Write the recorder's own state of that moment."""
+        self._write("/recorder/status", status.time_ns, encode_status(status))
 
     def _write(self, topic: str, time_ns: int, message: Any, sequence: int | None = None) -> None:
         if not self._rig_written:
@@ -399,6 +416,18 @@ class Session:
         with reporting_damage(self.path, "its notes"):
             for message in self._container.messages(("/notes",)):
                 yield decode_note(message)
+
+    def stamps(self) -> Iterator[FrameStamp]:
+        """Device, host and monotonic times of every frame, where a recorder kept them."""
+        with reporting_damage(self.path, "its frame stamps"):
+            for message in self._container.messages(("/recorder/stamps",)):
+                yield decode_stamp(message)
+
+    def statuses(self) -> Iterator[RecorderStatus]:
+        """The recorder's state, second by second, where it kept it."""
+        with reporting_damage(self.path, "its recorder's status"):
+            for message in self._container.messages(("/recorder/status",)):
+                yield decode_status(message)
 
     def messages(self) -> Iterator[RawMessage]:
         """Every message of the profile's topics as it lies there, in time order."""

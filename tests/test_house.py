@@ -32,10 +32,15 @@ KEEPERS = {
     "pyarrow": {"processor.results"},
     "pydantic": {
         "recorder.rig",
+        "recorder.equipment",
         "recorder.imports.masks",
         "recorder.orchard.scene",
         "processor.methods",
     },
+    "gi": {"recorder.cameras.aravis"},
+    "pypylon": {"recorder.cameras.pylon"},
+    "av": {"recorder.cameras.av"},
+    "serial": {"recorder.rangefinders.port"},
 }
 STAGES = ("recognise", "clean", "circles", "match", "triangulate", "locate")
 

@@ -1,0 +1,115 @@
+"""Cameras behind one small protocol: open, take what comes, close."""
+
+import time
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Final, Protocol, cast
+
+from recorder.equipment import CameraDriver, CameraSettings
+from recorder.errors import PomologError
+from recorder.records import Encoding
+
+# The pixel formats of GenICam's SFNC and PFNC that a session can keep without loss of meaning.
+PIXEL_FORMATS: Final[dict[str, Encoding]] = {
+    "BayerRG8": "bayer_rggb8",
+    "BGR8": "bgr8",
+    "RGB8": "bgr8",  # turned round on arrival
+}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Shot:
+    """What a camera delivered: a picture, or what is left of one.
+
+    Attributes:
+        frame_id: the camera's own count, where it has one.
+        device_ns: exposure on the camera's clock, where it has one.
+        host_ns: arrival by the computer's wall clock, which may step.
+        monotonic_ns: arrival by its monotonic clock.
+        data: the picture's bytes, untouched; empty where it is incomplete.
+        status: "complete", or the driver's word for what is wrong with it.
+    """
+
+    frame_id: int | None
+    device_ns: int | None
+    host_ns: int
+    monotonic_ns: int
+    encoding: Encoding
+    size_px: tuple[int, int]
+    data: bytes
+    status: str = "complete"
+
+    @property
+    def complete(self) -> bool:
+        """Whether the whole picture is there."""
+        return self.status == "complete"
+
+
+class Camera(Protocol):
+    """An open camera. One thread takes the shots; another may trigger."""
+
+    def next_shot(self, timeout_s: float) -> Shot | None:
+        """Wait for a shot; None where none came in time.
+
+        Raises:
+            PomologError: the camera is gone.
+        """
+        ...
+
+    def trigger(self) -> None:
+        """Ask for one picture (software trigger); nothing where the camera runs by itself.
+
+        Raises:
+            PomologError: the camera is gone.
+        """
+        ...
+
+    def close(self) -> None:
+        """Let go of the camera; a camera that is gone closes without a word."""
+        ...
+
+
+# driver -> (module, its class)
+DRIVERS: Final[dict[CameraDriver, tuple[str, str]]] = {
+    "aravis": ("recorder.cameras.aravis", "AravisCamera"),
+    "pylon": ("recorder.cameras.pylon", "PylonCamera"),
+    "av": ("recorder.cameras.av", "AvCamera"),
+    "files": ("recorder.cameras.files", "FilesCamera"),
+}
+
+
+def open_camera(settings: CameraSettings) -> Camera:
+    """Open a camera and start it.
+
+    Raises:
+        PomologError: no such camera, a setting it refuses, or a library that is not installed.
+    """
+    module, name = DRIVERS[settings.driver]
+    return cast("Camera", getattr(import_module(module), name)(settings))
+
+
+def stored_encoding(pixel_format: str, device: str) -> Encoding:
+    """The session's name of a camera's pixel format.
+
+    Raises:
+        PomologError: a format that a session cannot keep.
+    """
+    if pixel_format not in PIXEL_FORMATS:
+        raise PomologError(
+            f"camera {device} gives {pixel_format}, which a session cannot keep; "
+            f"set pixel_format to one of {', '.join(PIXEL_FORMATS)}"
+        )
+    return PIXEL_FORMATS[pixel_format]
+
+
+def arrival(driver_host_ns: int | None = None) -> tuple[int, int]:
+    """Wall and monotonic time of arrival.
+
+    Args:
+        driver_host_ns: the wall time at which the driver's own thread had the whole picture, which
+            is earlier than now by however long this thread had to wait for its turn.
+    """
+    host_ns, monotonic_ns = time.time_ns(), time.monotonic_ns()
+    if driver_host_ns is None or not 0 <= host_ns - driver_host_ns < 1_000_000_000:
+        return host_ns, monotonic_ns  # unknown, or the wall clock stepped in between
+    return driver_host_ns, monotonic_ns - (host_ns - driver_host_ns)
