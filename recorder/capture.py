@@ -5,6 +5,7 @@ Each device has a thread, the disk has one; this puts them together, and says ea
 
 import time
 from collections.abc import Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -90,7 +91,10 @@ class Recorder:
                     self._take_answer,
                     self.tell,
                 )
-            first = {side: first_shot(side, cameras[side], plan) for side in SIDES}
+            self._timelines = self._make_timelines()
+            with ThreadPoolExecutor(len(SIDES)) as pool:  # frames must not wait for each other
+                begin = partial(warm_up, plan, cameras, self._timelines)
+                first = dict(zip(SIDES, pool.map(begin, SIDES), strict=True))
             raw = {side: first[side].encoding not in COMPRESSED for side in SIDES}
             if raw["left"] != raw["right"]:
                 raise PomologError(
@@ -124,13 +128,12 @@ class Recorder:
             self._ledgers,
         )
 
+    def _make_timelines(self) -> dict[str, Timeline]:
+        shared = ClockMap() if self.plan.equipment.capture.clock == "shared" else None
+        return {side: Timeline(self._clock, shared or ClockMap()) for side in SIDES}
+
     def _camera_loops(self, cameras: Mapping[Side, Camera]) -> dict[Side, CameraLoop]:
         capture = self.plan.equipment.capture
-        shared = ClockMap()
-        self._timelines = {
-            side: Timeline(self._clock, shared if capture.clock == "shared" else ClockMap())
-            for side in SIDES
-        }
         return {
             side: CameraLoop(
                 side,
@@ -352,6 +355,25 @@ class Recorder:
         rate = (written - self._written[1]) * 1e9 / (now_ns - self._written[0])
         reserve = self.plan.equipment.capture.reserve_mb * 1e6
         return max(0.0, free - reserve) / rate if rate > 0 else None
+
+
+def warm_up(
+    plan: Plan, cameras: Mapping[Side, Camera], timelines: Mapping[str, Timeline], side: Side
+) -> Shot:
+    """Take frames that will not be kept until the camera's clock is known.
+
+    Raises:
+        PomologError: no frames, or pictures of another size.
+    """
+    shot = first_shot(side, cameras[side], plan)
+    until_s = time.monotonic() + FIRST_SHOT_S
+    settled = timelines[side].note(shot)
+    while not settled and time.monotonic() < until_s:
+        if plan.equipment.cameras[side].trigger == "software":
+            cameras[side].trigger()
+        further = cameras[side].next_shot(0.5)
+        settled = further is not None and timelines[side].note(further)
+    return shot
 
 
 def first_shot(side: Side, camera: Camera, plan: Plan) -> Shot:

@@ -115,6 +115,10 @@ class Segment:
             return True
         return split.seconds is not None and now_ns - self.start_ns >= split.seconds * 1e9
 
+    def flush(self) -> None:
+        """Hand everything to the operating system: it outlives this process there."""
+        self._writer.flush()
+
     def sync(self) -> None:
         """Wait until the disk has everything."""
         self._writer.sync()

@@ -160,6 +160,10 @@ class SessionWriter:
                 self._out.write(rig_topic, time_ns, rig_message.SerializeToString())
         self._out.write(topic, time_ns, message.SerializeToString(), sequence=sequence)
 
+    def flush(self) -> None:
+        """End the chunk in progress and hand it to the operating system."""
+        self._out.flush()
+
     def sync(self) -> None:
         """Wait until the disk has everything written so far."""
         self._out.sync()

@@ -18,6 +18,7 @@ from recorder.segment import Recording, Segment
 from recorder.write_queue import Entry, WriteQueue
 
 CUT_WAIT_NS: Final = 1_000_000_000  # how long a new file waits for the last frames of the old one
+FLUSH_S: Final = 0.05  # a killed recorder loses what it has not handed over: a pair at 15 fps
 LOOK_S: Final = 0.25  # how often the free space is looked at
 
 
@@ -54,9 +55,10 @@ class Storage:
         folder = recording.folder
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            if free_bytes(folder) < settings.reserve_mb * 1e6:
+            needed_mb = settings.reserve_mb + settings.ballast_mb
+            if free_bytes(folder) < needed_mb * 1e6:
                 raise PomologError(
-                    f"less than {settings.reserve_mb:g} MB free for {folder}; make room, or lower "
+                    f"less than {needed_mb:g} MB free for {folder}; make room, or lower "
                     "reserve_mb in [capture]"
                 )
             self._ballast = Ballast(folder, round(settings.ballast_mb * 1e6))
@@ -137,12 +139,15 @@ class Storage:
 
     def _write_all(self) -> None:
         settings, queue = self._settings, self.queue
-        sync_s = look_s = time.monotonic()
+        sync_s = flush_s = look_s = time.monotonic()
         while not queue.finished:
-            entry = queue.get(settings.sync_s / 4)
+            entry = queue.get(FLUSH_S)
             if entry is not None:
                 self._write(entry)
             now_s = time.monotonic()
+            if now_s - flush_s >= FLUSH_S and not queue.waiting_bytes:
+                flush_s = now_s
+                self._segment.flush()
             if now_s - sync_s >= settings.sync_s:
                 sync_s = now_s
                 self._segment.sync()

@@ -10,8 +10,8 @@ HELD_FRAMES = 20  # a clock that never settles may hold back no more
 class Timeline:
     """One camera's frames, placed by their device times on the session's clock.
 
-    The first frames are held back until the map between the clocks is settled, then given all at
-    once: none is lost, and none gets a time from a map that still wobbles.
+    Where the map between the clocks is not settled yet (a camera just opened anew), frames are held
+    back, then given all at once: none is lost, and none gets a time from a map that still wobbles.
 
     Args:
         clock: the session's.
@@ -28,6 +28,13 @@ class Timeline:
     def drift_ppm(self) -> float:
         """What the camera's clock gains on the computer's."""
         return self._map.drift_ppm
+
+    def note(self, shot: Shot) -> bool:
+        """Learn from a shot that will not be kept; whether the map is settled now."""
+        if shot.device_ns is None:
+            return True
+        self._map.add(shot.device_ns, shot.monotonic_ns)
+        return self._map.settled
 
     def restart(self) -> list[tuple[Shot, int]]:
         """Begin again with a camera opened anew; gives what was still held."""
