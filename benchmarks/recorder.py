@@ -1,4 +1,4 @@
-"""What recording costs, and whether anything is lost: two software GigE cameras, real UDP.
+r"""What recording costs, and whether anything is lost: two software GigE cameras, real UDP.
 
 Run in a network namespace (no privileges needed):
 

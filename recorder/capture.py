@@ -6,7 +6,6 @@ Each device has a thread, the disk has one; this puts them together, and says ea
 import time
 from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from threading import Event, Thread
@@ -15,37 +14,24 @@ from typing import Final, Self
 from recorder.camera_loop import CameraLoop
 from recorder.cameras import Camera, Shot, open_camera
 from recorder.clocks import ClockMap, SessionClock
-from recorder.disk import free_bytes
-from recorder.equipment import Equipment
 from recorder.errors import PomologError
 from recorder.exposure import Exposure, look_at
 from recorder.ledger import RANGEFINDER_COUNTS, StreamLedger
+from recorder.plan import Plan
 from recorder.rangefinder_loop import RangefinderLoop
 from recorder.rangefinders import Answer
 from recorder.rangefinders.typed import STD_M, read_typed
 from recorder.records import COMPRESSED, SIDES, Frame, Note, RangeReading, Side
-from recorder.rig import Rig
-from recorder.segment import Recording, Split
+from recorder.reporter import Reporter
+from recorder.segment import Recording
 from recorder.session import SessionWriter
-from recorder.status import FrameStamp, RecorderStatus, StreamStatus
+from recorder.status import FrameStamp, RecorderStatus
 from recorder.storage import Storage
 from recorder.timeline import Timeline
+from recorder.warm_up import warm_up
 from recorder.write_queue import Entry
 
-FIRST_SHOT_S: Final = 5.0  # a camera may take this long to begin
 LOOK_S: Final = 0.5  # exposure and focus, twice a second
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Plan:
-    """What to record: where, with what, and what is known of it beforehand."""
-
-    folder: Path
-    name: str
-    rig: Rig
-    equipment: Equipment
-    metadata: Mapping[str, str]
-    split: Split | None = None
 
 
 class Recorder:
@@ -77,7 +63,6 @@ class Recorder:
         self._rangefinder: RangefinderLoop | None = None
         self._looked_at: dict[Side, Shot] = {}
         self._stopping = Event()
-        self._written: tuple[int, int] | None = None  # time, bytes: for the disk's minutes
         cameras: dict[Side, Camera] = {}
         try:
             for side in SIDES:
@@ -108,6 +93,7 @@ class Recorder:
             if self._rangefinder is not None:
                 self._rangefinder.stop()
             raise
+        self._reporter = Reporter(plan, self._ledgers, self._storage, self._timelines)
         self._loops = self._camera_loops(cameras)
         self._begin()
 
@@ -311,93 +297,7 @@ class Recorder:
 
     def status(self) -> RecorderStatus:
         """How it is right now."""
-        now_ns = self._clock.now_ns()
-        free = free_bytes(self.plan.folder)
-        streams = tuple(self._stream_status(name, now_ns) for name in self._ledgers)
-        warnings = [w for side, e in self.exposures.items() for w in e.warnings(side)]
-        warnings += [f"{side} camera is gone" for side, loop in self._loops.items() if loop.gone]
-        return RecorderStatus(
-            time_ns=now_ns,
-            state="recording" if not self.ended else "ended",
-            streams=streams,
-            pairs=self._storage.pairs,
-            skew_ns=self._storage.skew_ns,
-            queue_bytes=self._storage.queue.waiting_bytes,
-            disk_free_bytes=free,
-            disk_left_s=self._disk_left_s(now_ns, streams, free),
-            warnings=tuple(warnings),
+        gone = tuple(side for side, loop in self._loops.items() if loop.gone)
+        return self._reporter.status(
+            self._clock.now_ns(), self.exposures, gone, "ended" if self.ended else "recording"
         )
-
-    def _stream_status(self, name: str, now_ns: int) -> StreamStatus:
-        ledger = self._ledgers[name]
-        status = StreamStatus(name, **ledger.counts(), rate_hz=ledger.rate_hz(now_ns))
-        if name not in SIDES:
-            return status
-        exposure = self.exposures.get(name)
-        return replace(
-            status,
-            unpaired=self._storage.unpaired(name),
-            drift_ppm=self._timelines[name].drift_ppm,
-            overexposed=exposure.overexposed if exposure else None,
-            underexposed=exposure.underexposed if exposure else None,
-            focus=exposure.focus if exposure else None,
-        )
-
-    def _disk_left_s(
-        self, now_ns: int, streams: tuple[StreamStatus, ...], free: int
-    ) -> float | None:
-        """By the bytes of the whole recording so far; pictures are all that counts."""
-        written = sum(stream.bytes for stream in streams)
-        if self._written is None and written:
-            self._written = (now_ns, written)
-        if self._written is None or now_ns - self._written[0] < 1_000_000_000:
-            return None
-        rate = (written - self._written[1]) * 1e9 / (now_ns - self._written[0])
-        reserve = self.plan.equipment.capture.reserve_mb * 1e6
-        return max(0.0, free - reserve) / rate if rate > 0 else None
-
-
-def warm_up(
-    plan: Plan, cameras: Mapping[Side, Camera], timelines: Mapping[str, Timeline], side: Side
-) -> Shot:
-    """Take frames that will not be kept until the camera's clock is known.
-
-    Raises:
-        PomologError: no frames, or pictures of another size.
-    """
-    shot = first_shot(side, cameras[side], plan)
-    until_s = time.monotonic() + FIRST_SHOT_S
-    settled = timelines[side].note(shot)
-    while not settled and time.monotonic() < until_s:
-        if plan.equipment.cameras[side].trigger == "software":
-            cameras[side].trigger()
-        further = cameras[side].next_shot(0.5)
-        settled = further is not None and timelines[side].note(further)
-    return shot
-
-
-def first_shot(side: Side, camera: Camera, plan: Plan) -> Shot:
-    """Wait until a camera delivers, and make sure that it is the rig's.
-
-    Raises:
-        PomologError: nothing comes, or pictures of another size.
-    """
-    settings = plan.equipment.cameras[side]
-    until_s = time.monotonic() + FIRST_SHOT_S
-    size_px = plan.rig.camera(side).size_px
-    while time.monotonic() < until_s:
-        if settings.trigger == "software":
-            camera.trigger()
-        shot = camera.next_shot(0.5)
-        if shot is None or not shot.complete:
-            continue
-        if shot.size_px != size_px:
-            raise PomologError(
-                f"the {side} camera gives {shot.size_px[0]} x {shot.size_px[1]} px, the rig's "
-                f"calibration is of {size_px[0]} x {size_px[1]}; set region_px, or calibrate again"
-            )
-        return shot
-    raise PomologError(
-        f"the {side} camera {settings.device} opens but sends no picture; packets too large for "
-        "the network, a firewall, or a trigger that never comes?"
-    )

@@ -11,8 +11,9 @@ import typer
 from recorder.errors import PomologError, TornFileError
 
 if TYPE_CHECKING:
-    from recorder.capture import Plan, Recorder
+    from recorder.capture import Recorder
     from recorder.check import Finding
+    from recorder.plan import Plan
     from recorder.status import RecorderStatus
 
 app = typer.Typer(
@@ -231,8 +232,8 @@ def record(
     """
     from rich.console import Console
 
-    from recorder.field import make_plan
     from recorder.field import record as run
+    from recorder.plan import make_plan
     from recorder.status_line import losses, status_line
 
     about = {"lighting": lighting, "cultivar": cultivar, "site": site}

@@ -105,7 +105,7 @@ class CaptureSettings:
 class Equipment:
     """Everything to open, and how to record it."""
 
-    cameras: dict[Side, CameraSettings]
+    cameras: dict[Side, CameraSettings] = field(default_factory=dict)
     rangefinder_device: RangefinderSettings | None = None
     capture: CaptureSettings = CaptureSettings()
 

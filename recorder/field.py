@@ -1,54 +1,21 @@
 """A recording with an operator: keys, signals, a look at the pictures, a report each second."""
 
-import json
 import signal
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import asdict
-from pathlib import Path
 from threading import Event
 from typing import Final
 
-from recorder.capture import LOOK_S, Plan, Recorder
-from recorder.equipment import load_equipment
+from recorder.capture import LOOK_S, Recorder
 from recorder.keys import Keys, TakeReading
-from recorder.rig import load_rig
-from recorder.segment import Split
+from recorder.plan import Plan
 from recorder.status import RecorderStatus
 
 REPORT_S: Final = 1.0
 POLL_S: Final = 0.1
 SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)  # SIGHUP: the ssh line broke
-
-
-def make_plan(
-    rig: Path, folder: Path, *, name: str = "", split: str = "", about: Mapping[str, str]
-) -> Plan:
-    """Put a plan together from what the operator said.
-
-    Args:
-        rig: a rig.toml with cameras.
-        folder: for the files.
-        name: of the recording; the date and time (UTC) if empty.
-        split: when to go on in a new file, like 5min or 500MB; never if empty.
-        about: lighting, cultivar, site; empty values are left out.
-
-    Raises:
-        PomologError: no such rig, or a value that cannot be.
-    """
-    equipment = load_equipment(rig)
-    metadata = {key: value for key, value in about.items() if value}
-    metadata |= {"made_by": "record", "equipment": json.dumps(asdict(equipment))}
-    return Plan(
-        folder=folder,
-        name=name or time.strftime("%Y-%m-%dT%H-%M-%SZ", time.gmtime()),
-        rig=load_rig(rig),
-        equipment=equipment,
-        metadata=metadata,
-        split=Split.parse(split) if split else None,
-    )
 
 
 def record(

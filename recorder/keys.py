@@ -46,8 +46,8 @@ class Keys:
     def __enter__(self) -> Self:
         descriptor = self._descriptor
         if descriptor is not None and os.isatty(descriptor):
-            if os.tcgetpgrp(descriptor) != os.getpgrp():
-                self._descriptor = None  # in the background: reading would stop the process
+            if _in_background(descriptor):
+                self._descriptor = None  # reading would stop the process
             else:
                 self._saved = termios.tcgetattr(descriptor)
                 tty.setcbreak(descriptor)
@@ -87,3 +87,10 @@ class Keys:
             self.line = self.line[:-1]
         elif key.isprintable():
             self.line += key
+
+
+def _in_background(descriptor: int) -> bool:
+    try:
+        return os.tcgetpgrp(descriptor) != os.getpgrp()
+    except OSError:  # a terminal, but not the one that controls us
+        return False

@@ -12,7 +12,6 @@ import cv2
 import numpy as np
 
 from recorder.cameras import Camera, Shot, open_camera
-from recorder.capture import Plan, first_shot
 from recorder.check import Finding
 from recorder.clocks import ClockMap, SessionClock
 from recorder.disk import free_bytes
@@ -21,12 +20,14 @@ from recorder.exposure import look_at
 from recorder.ledger import StreamLedger
 from recorder.pairing import pair_by_time
 from recorder.pictures import decode
+from recorder.plan import Plan
 from recorder.rangefinder_loop import RangefinderLoop
 from recorder.rangefinders import Answer
 from recorder.records import SIDES, Frame, Picture, Side
 from recorder.rectify import rectify
 from recorder.rig import Rig
 from recorder.timeline import Timeline
+from recorder.warm_up import first_shot
 
 FRAMES: Final = 10
 PATIENCE_S: Final = 2.0

@@ -1,7 +1,7 @@
 """Cameras behind one small protocol: open, take what comes, close."""
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib import import_module
 from typing import Final, Protocol, cast
 
@@ -36,7 +36,7 @@ class Shot:
     monotonic_ns: int
     encoding: Encoding
     size_px: tuple[int, int]
-    data: bytes
+    data: bytes = field(repr=False)
     status: str = "complete"
 
     @property

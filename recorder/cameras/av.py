@@ -3,7 +3,6 @@
 FFmpeg's demuxers alone are used (mpjpeg over HTTP, video4linux2 with MJPEG); nothing is decoded.
 """
 
-import time
 from collections.abc import Iterator
 from contextlib import suppress
 from typing import Any, Final
@@ -39,6 +38,7 @@ class AvCamera:
 
     def __init__(self, settings: CameraSettings) -> None:
         self._av = _library()
+        self._errors = (self._av.FFmpegError, OSError, ValueError)
         self._device = settings.device
         v4l = settings.device.startswith("/dev/")
         options = {name: str(value) for name, value in settings.features.items()}
@@ -52,7 +52,7 @@ class AvCamera:
                 timeout=(OPEN_TIMEOUT_S, READ_TIMEOUT_S),
             )
             self._stream = self._container.streams.video[0]
-        except (OSError, ValueError, IndexError) as error:
+        except (*self._errors, IndexError) as error:
             raise PomologError(
                 f"no MJPEG camera at {settings.device} ({error}); does it play in ffplay?"
             ) from None
@@ -61,18 +61,15 @@ class AvCamera:
         self._frames = 0
         self._packets: Iterator[Any] = self._container.demux(self._stream)
 
-    def next_shot(self, timeout_s: float) -> Shot | None:
-        """Wait for a picture, at most the read timeout.
+    def next_shot(self, timeout_s: float) -> Shot | None:  # noqa: ARG002  # FFmpeg has its own
+        """Wait for a picture, at most a second: then the camera counts as gone.
 
         Raises:
-            PomologError: the stream has ended or broken.
+            PomologError: the stream has ended, broken, or been silent for a second.
         """
-        started_s = time.monotonic()
         try:
             packet = next(self._packets, None)
-        except (OSError, ValueError) as error:
-            if time.monotonic() - started_s >= min(timeout_s, READ_TIMEOUT_S / 2):
-                return None  # silent, perhaps only for a moment
+        except self._errors as error:
             raise PomologError(f"camera {self._device} is gone ({error})") from None
         if packet is None or packet.size == 0:
             raise PomologError(f"camera {self._device} has ended its stream")
@@ -94,5 +91,5 @@ class AvCamera:
 
     def close(self) -> None:
         """Close the stream."""
-        with suppress(OSError, ValueError):
+        with suppress(*self._errors):
             self._container.close()
