@@ -4,6 +4,7 @@ Feature names are GenICam SFNC; frame ids are the camera's (16 bits in GigE Visi
 Aravis' typelib (Debian: gir1.2-aravis-0.8) and PyGObject.
 """
 
+import time
 from contextlib import suppress
 from typing import Any, Final
 
@@ -14,6 +15,7 @@ from recorder.cameras import Shot, arrival, stored_encoding
 from recorder.equipment import CameraSettings, Feature
 from recorder.errors import PomologError
 
+HEARTBEAT_S: Final = 4.0  # GigE Vision cameras give up a dead program after 3 s, unless told else
 BUFFERS: Final = 24  # 32 MB of 1280 x 1024 pictures: 0.8 s of a stalled computer at 30 fps
 
 
@@ -52,6 +54,7 @@ class AravisCamera:
                 f"no camera {settings.device} ({_reason(error)}); see what is there: arv-tool-0.8"
             ) from None
         try:
+            self._take_control()
             self._configure(settings)
             self._start()
         except self._error as error:
@@ -63,6 +66,20 @@ class AravisCamera:
         except PomologError:
             self.close()
             raise
+
+    def _take_control(self) -> None:
+        """Wait for a camera that still belongs to a program that died: its heartbeat runs out."""
+        if not self._camera.is_gv_device():
+            return
+        device, until_s = self._camera.get_device(), time.monotonic() + HEARTBEAT_S
+        while not device.is_controller():
+            if time.monotonic() > until_s:
+                raise PomologError(
+                    f"camera {self._device} is in use by another program; close that first"
+                )
+            time.sleep(0.2)
+            with suppress(self._error):
+                device.take_control()
 
     def _configure(self, settings: CameraSettings) -> None:
         camera = self._camera
