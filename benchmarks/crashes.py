@@ -88,7 +88,7 @@ def kills(rig: Path, folder: Path, times: int) -> None:
         failures = [f for f in check(out / "whole.mcap") if f.level == "failure"]
         pairs, wait_s = lost_pairs(out / "whole.mcap", killed_ns)
         waits.append(wait_s)
-        lost = max(0, int(wait_s * 15 - 0.25))  # a quarter frame to deliver a picture
+        lost = int(max(0.0, wait_s - 0.02) * 15)  # taken more than 20 ms before: delivered
         print(
             f"kill {number}: {pairs} pairs, last {wait_s * 1e3:.0f} ms before, {lost} lost, "
             f"{len(failures)} failures",

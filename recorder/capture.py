@@ -19,7 +19,7 @@ from recorder.exposure import Exposure, look_at
 from recorder.ledger import RANGEFINDER_COUNTS, StreamLedger
 from recorder.plan import Plan
 from recorder.rangefinder_loop import RangefinderLoop
-from recorder.rangefinders import Answer
+from recorder.rangefinders import Answer, Confirmation
 from recorder.rangefinders.typed import STD_M, read_typed
 from recorder.records import COMPRESSED, SIDES, Frame, Note, RangeReading, Side
 from recorder.reporter import Reporter
@@ -62,13 +62,15 @@ class Recorder:
         self._ledgers["rangefinder"] = StreamLedger(RANGEFINDER_COUNTS)
         self._rangefinder: RangefinderLoop | None = None
         self._looked_at: dict[Side, Shot] = {}
+        device = plan.equipment.rangefinder_device
+        typed = device is not None and device.driver == "typed"
+        self._typed_twice = Confirmation((typed and device and device.confirm_m) or 0.0)
         self._stopping = Event()
         cameras: dict[Side, Camera] = {}
         try:
             for side in SIDES:
                 cameras[side] = open_camera(plan.equipment.cameras[side])
-            device = plan.equipment.rangefinder_device
-            if device is not None and device.driver != "typed":
+            if device is not None and not typed:
                 self._rangefinder = RangefinderLoop(
                     device,
                     self._ledgers["rangefinder"],
@@ -266,10 +268,11 @@ class Recorder:
             self.tell(text)
             return
         now_ns = self._clock.now_ns()
-        self._ledgers["rangefinder"].faults += found.answer.fault
-        self._write_reading(found.answer, now_ns, STD_M, found.apple_id)
-        if found.answer.fault:
-            self.tell(f"not taken ({found.answer.status.removeprefix('fault: ')}): {text}")
+        answer = self._typed_twice.check(found.answer)
+        self._ledgers["rangefinder"].faults += answer.fault
+        self._write_reading(answer, now_ns, STD_M, found.apple_id)
+        if answer.range_m is None:
+            self.tell(f"not taken ({answer.status.removeprefix('fault: ')}): {text}")
         elif "#" in text:
             self.tell(text)
 

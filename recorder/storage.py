@@ -18,7 +18,8 @@ from recorder.segment import Recording, Segment
 from recorder.write_queue import Entry, WriteQueue
 
 CUT_WAIT_NS: Final = 1_000_000_000  # how long a new file waits for the last frames of the old one
-FLUSH_S: Final = 0.05  # a killed recorder loses what it has not handed over: a pair at 15 fps
+IDLE_S: Final = 0.005  # a pair is handed to the system when nothing has come for so long
+FLUSH_S: Final = 0.05  # and small things alone no more often than this
 LOOK_S: Final = 0.25  # how often the free space is looked at
 
 
@@ -140,13 +141,15 @@ class Storage:
     def _write_all(self) -> None:
         settings, queue = self._settings, self.queue
         sync_s = flush_s = look_s = time.monotonic()
+        picture = False  # one is not yet handed over
         while not queue.finished:
-            entry = queue.get(FLUSH_S)
+            entry = queue.get(IDLE_S if picture else FLUSH_S)
             if entry is not None:
                 self._write(entry)
+                picture |= entry.picture_bytes > 0
             now_s = time.monotonic()
-            if now_s - flush_s >= FLUSH_S and not queue.waiting_bytes:
-                flush_s = now_s
+            if entry is None and (picture or now_s - flush_s >= FLUSH_S):
+                flush_s, picture = now_s, False
                 self._segment.flush()
             if now_s - sync_s >= settings.sync_s:
                 sync_s = now_s

@@ -248,3 +248,12 @@ def test_what_can_be_read_in_two_ways_is_refused(line: str) -> None:
 @pytest.mark.parametrize("line", ["tree 7, south side", "lighting=back", "# 3.2"])
 def test_other_lines_are_notes(line: str) -> None:
     assert read_typed(line) is None
+
+
+def test_a_distance_typed_twice_stands_where_that_is_asked_for() -> None:
+    confirmation = Confirmation(0.005)
+    lines = ("4,532 m", "4,532 m", "3,200 m", "3,700 m", "3,200 m")
+    read = [found.answer for line in lines if (found := read_typed(line))]
+    assert [confirmation.check(answer).range_m for answer in read] == [
+        None, 4.532, None, None, 3.2,
+    ]  # fmt: skip

@@ -16,6 +16,7 @@ from recorder.equipment import CameraSettings, Feature
 from recorder.errors import PomologError
 
 HEARTBEAT_S: Final = 4.0  # GigE Vision cameras give up a dead program after 3 s, unless told else
+SETTLE_S: Final = 0.2  # until a camera that was running has noticed that it was stopped
 BUFFERS: Final = 24  # 32 MB of 1280 x 1024 pictures: 0.8 s of a stalled computer at 30 fps
 
 
@@ -47,14 +48,8 @@ class AravisCamera:
         self._error: type[Exception] = GLib.Error
         self._device = settings.device
         self._software = settings.trigger == "software"
+        self._camera = self._open()
         try:
-            self._camera = self._aravis.Camera.new(settings.device)
-        except self._error as error:
-            raise PomologError(
-                f"no camera {settings.device} ({_reason(error)}); see what is there: arv-tool-0.8"
-            ) from None
-        try:
-            self._take_control()
             self._configure(settings)
             self._start()
         except self._error as error:
@@ -67,22 +62,30 @@ class AravisCamera:
             self.close()
             raise
 
-    def _take_control(self) -> None:
-        """Wait for a camera that still belongs to a program that died: its heartbeat runs out."""
-        if not self._camera.is_gv_device():
-            return
-        device, until_s = self._camera.get_device(), time.monotonic() + HEARTBEAT_S
-        while not device.is_controller():
+    def _open(self) -> Any:
+        """Open the device; one that a dead program still controls is waited for."""
+        until_s = time.monotonic() + HEARTBEAT_S
+        while True:
+            try:
+                camera = self._aravis.Camera.new(self._device)
+            except self._error as error:
+                raise PomologError(
+                    f"no camera {self._device} ({_reason(error)}); see what is there: arv-tool-0.8"
+                ) from None
+            if not camera.is_gv_device() or camera.get_device().is_controller():
+                return camera
             if time.monotonic() > until_s:
                 raise PomologError(
                     f"camera {self._device} is in use by another program; close that first"
                 )
-            time.sleep(0.2)
-            with suppress(self._error):
-                device.take_control()
+            del camera  # opened anew, because only then its heartbeat is kept up
+            time.sleep(0.3)
 
     def _configure(self, settings: CameraSettings) -> None:
         camera = self._camera
+        with suppress(self._error):  # a program that died left it running, its features locked
+            camera.stop_acquisition()
+        time.sleep(SETTLE_S)
         if settings.region_px is not None:
             camera.set_region(*settings.region_px)
         camera.set_pixel_format_from_string(settings.pixel_format)
