@@ -113,9 +113,12 @@ def power_cuts(rig: Path, folder: Path, times: int) -> None:
             subprocess.run(["umount", str(disk)], check=True)
             image = folder / "disk.img"
             subprocess.run(["mount", "-o", "loop", str(image), str(disk)], check=True)
-            salvage(disk / "day" / "row.mcap.part", folder / "whole.mcap")
+            wreck = salvage(disk / "day" / "row.mcap.part", folder / "whole.mcap")
         pairs, lost_s = lost_pairs(folder / "whole.mcap", cut_ns)
-        print(f"power cut {number}: {pairs} pairs, {lost_s:.2f} s lost; exit {recorder.returncode}")
+        print(
+            f"power cut {number}: {wreck.frames} frames, {pairs} pairs, {lost_s:.2f} s lost; "
+            f"exit {recorder.returncode}"
+        )
         print(f"  {errors.strip()}", flush=True)
 
 

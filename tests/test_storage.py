@@ -2,6 +2,7 @@
 
 import fcntl
 import os
+import re
 import signal
 import struct
 import subprocess
@@ -105,7 +106,10 @@ def test_a_power_cut_costs_less_than_a_second(tmp_path: Path) -> None:
         assert "the disk fails" in errors
         subprocess.run(["umount", str(disk)], check=True)
         subprocess.run(["mount", "-o", "loop", str(tmp_path / "disk.img"), str(disk)], check=True)
-        salvage(part, tmp_path / "whole.mcap")
+        wreck = salvage(part, tmp_path / "whole.mcap")
+        promised = re.search(r"(\d+) frames for sure", errors)
+        assert promised is not None
+        assert wreck.frames >= int(promised[1]) > 40
     with Session(tmp_path / "whole.mcap") as session:
         assert len(session) > 20
         lost_s = (cut_ns - int(session.pair_times_ns().max())) / 1e9
