@@ -28,6 +28,7 @@ COMMANDS: Final[dict[str, Command]] = {
     "replay": Command("processor.cli", "run the locator on sessions and keep every intermediate"),
     "methods": Command("processor.cli", "list the methods, or print one as TOML"),
     "score": Command("processor.cli", "hits, false positives, matches and distance errors"),
+    "paper": Command("processor.cli", "every table and figure of the paper, beside ours"),
     "view": Command("viewer.cli", "open a run, or a session, in Rerun"),
     "demo": Command("viewer.cli", "all of it, on a session that comes with pomolog"),
 }

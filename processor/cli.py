@@ -119,3 +119,40 @@ def score(
     from processor.tables import score_table
 
     Console().print(score_table(groups))
+
+
+@app.command(epilog="Example: pomolog paper -o results/paper")
+def paper(
+    out: Annotated[Path, typer.Option("--out", "-o", help="Folder for page, tables, figures.")],
+    sessions: Annotated[
+        Path, typer.Option(help="Folder of sessions, named by set as the digital orchard does.")
+    ] = Path("sessions"),
+    fraction: Annotated[
+        float, typer.Option(min=0.001, max=1, help="Of each session's pairs, evenly.")
+    ] = 1.0,
+    only: Annotated[str, typer.Option(help="Items, comma between: table1,fig8, ...")] = "",
+    real: Annotated[
+        Path | None, typer.Option(help="Folder of real pictures to run what can be run on.")
+    ] = None,
+    workers: Annotated[int, typer.Option(min=0, help="Processes; 0 is one a core.")] = 0,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+) -> None:
+    """Every table and figure of the paper, beside ours; killed and run again, it goes on."""
+    from processor.experiments.material import find_material
+    from processor.experiments.paper import chosen_items, make_paper
+    from recorder.progress import progress
+
+    asked = chosen_items(only, real=real is not None)
+    material = find_material(sessions, fraction)
+    with progress("reproducing", 0) as tick:
+        made = make_paper(
+            material, out, only=asked, fraction=fraction, real=real,
+            workers=workers or os.cpu_count() or 1, tick=tick,
+        )  # fmt: skip
+    if as_json:
+        print(made.document, end="")
+        return
+    for item in made.items:
+        state = f"not run: {item.not_run}" if item.not_run else item.summary
+        print(f"{item.source}: {state}")
+    print(f"the page: {out / 'paper.html'}")

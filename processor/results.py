@@ -172,6 +172,12 @@ def write_tables(folder: Path, rows: Rows) -> None:
             pq.write_table(pa.Table.from_pylist(rows[name], schema), part)
 
 
+def write_table(path: Path, rows: Sequence[Row]) -> None:
+    """Write plain rows as one Parquet file, its columns as the rows have them."""
+    with replacing(path) as part:
+        pq.write_table(pa.Table.from_pylist(list(rows)), part)
+
+
 def join_tables(folders: Sequence[Path], out: Path) -> None:
     """Concatenate the tables of `folders`, in their order, into `out`."""
     for name, schema in TABLES.items():

@@ -30,6 +30,7 @@ KEEPERS = {
     "rerun": {"processor.rrd", "viewer.layout"},
     "rerun_cli": {"processor.replay", "viewer.open"},
     "pyarrow": {"processor.results"},
+    "matplotlib": {"processor.experiments.charts"},
     "pydantic": {
         "recorder.rig",
         "recorder.equipment",
