@@ -131,7 +131,10 @@ def detectable_effect(n: int, *, power: float = 0.8, pairs: bool = False) -> flo
         beyond = stats.nct.sf(critical, df, effect * scale)
         return float(beyond + stats.nct.cdf(-critical, df, effect * scale)) - power
 
-    return float(optimize.brentq(lacking, 1e-3, 10.0))
+    enough = 1.0
+    while lacking(enough) < 0:
+        enough *= 1.5  # far beyond the effect sought, the distribution has no numbers any more
+    return float(optimize.brentq(lacking, 1e-3, enough))
 
 
 def bootstrap_shares(
