@@ -9,16 +9,14 @@ hindsight finds on the tree itself stands beside it as a bound, not as a result.
 """
 
 import argparse
-import csv
 import itertools
 import tempfile
 from collections import defaultdict
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Final, cast
+from typing import Final, cast
 
-import cv2
 import numpy as np
 from rich.console import Console
 from rich.table import Table
@@ -26,6 +24,7 @@ from rich.table import Table
 from processor.circles import HoughCircles, RandomRing
 from processor.clean import AreaRule
 from processor.count import count_frame
+from processor.experiments.story import LEFT, RIGHT, Labelled, read_truth
 from processor.locate import Locator
 from processor.match import AreaInOrder
 from processor.recognise import ColourRatio, RedMinusLuma, TwoRedMinusGreenBlue
@@ -33,73 +32,12 @@ from processor.results import rows_of
 from processor.trace import CircleFinder, Cleaner, Matcher, Recogniser
 from recorder.imports.frames import import_frames
 from recorder.pictures import decode
-from recorder.records import AppleTruth, FrameTruth, Labels, StereoPair
+from recorder.records import Labels, StereoPair
 from recorder.rectify import Rectification, rectify
-from recorder.rig import Camera, load_rig
+from recorder.rig import load_rig
 from recorder.session import Session
 
-LEFT: Final = "125309"
-RIGHT: Final = "123505"
-BALLS: Final = "BALL"  # two white balls are labelled too; they are no apples
-INNER: Final = 0.4  # of a mask's radius: there the depth is the fruit's front, within 2 mm
 FITTED: Final = RandomRing(min_radius_px=15, max_radius_px=110)  # 80 mm fruit, 0.4 to 2 m
-
-
-@dataclass(frozen=True, slots=True)
-class Labelled:
-    """The tree's truth: the pair's, and which apples something hides."""
-
-    truth: FrameTruth
-    occluded: dict[int, bool]
-
-
-def read_truth(folder: Path, camera: Camera) -> Labelled:
-    """Labels from masks and boxes, places from the depth picture, radii from callipers."""
-    with (folder / "apples_truth.csv").open(newline="") as file:
-        rows = [row for row in csv.DictReader(file) if not row["fruit_id"].startswith(BALLS)]
-    labels = {frame: _labels(folder, frame, rows) for frame in (LEFT, RIGHT)}
-    depth = cv2.imread(str(folder / f"{LEFT}_depth_mm.png"), cv2.IMREAD_UNCHANGED)
-    apples = []
-    for row in rows:
-        if row["frame"] != LEFT:
-            continue
-        number = int(row["fruit_id"])
-        radius_m = (float(row["caliper_axis1_mm"]) + float(row["caliper_axis2_mm"])) / 4e3
-        pixel = np.array([[float(row["mask_centroid_x"]), float(row["mask_centroid_y"])]])
-        z_m = _front_m(depth, labels[LEFT] == number, pixel[0])
-        if z_m is None or not np.isfinite(radius_m):
-            continue
-        ray = cv2.undistortPoints(pixel, camera.matrix, camera.distortion).ravel()
-        front = np.array([ray[0], ray[1], 1.0]) * z_m
-        centre = front * (1 + radius_m / np.linalg.norm(front))
-        x, y, z = centre.tolist()
-        apples.append(AppleTruth(number, (x, y, z), radius_m, truth_point="surface"))
-    occluded = {int(row["fruit_id"]): row["occluded"] == "YES" for row in rows}
-    truth = FrameTruth(labels[LEFT], labels[RIGHT], tuple(apples), partial=True)
-    return Labelled(truth, occluded)
-
-
-def _labels(folder: Path, frame: str, rows: list[dict[str, str]]) -> Labels:
-    """Each labelled apple's own pixels: its mask within its box."""
-    mask = cv2.imread(str(folder / f"{frame}_mask.png"), cv2.IMREAD_UNCHANGED)
-    assert mask is not None
-    labels = np.zeros(mask.shape, np.uint16)
-    for row in rows:
-        if row["frame"] != frame:
-            continue
-        x, y, w, h = (int(row[f"box_{key}"]) for key in "xywh")
-        box = np.s_[y : y + h, x : x + w]
-        labels[box][(mask[box] > 0) & (labels[box] == 0)] = int(row["fruit_id"])
-    return labels
-
-
-def _front_m(depth: Any, mine: Any, centre: Any) -> float | None:
-    rows, columns = np.nonzero(mine)
-    radius = np.sqrt(len(rows) / np.pi)
-    near = np.hypot(columns - centre[0], rows - centre[1]) < INNER * radius
-    values = depth[rows[near], columns[near]]
-    values = values[values > 0]
-    return float(np.median(values)) / 1e3 if len(values) else None
 
 
 def baselines() -> dict[str, Locator]:

@@ -139,12 +139,12 @@ def paper(
 ) -> None:
     """Every table and figure of the paper, beside ours; killed and run again, it goes on."""
     from processor.experiments.material import find_material
-    from processor.experiments.paper import chosen_items, make_paper
+    from processor.experiments.paper import chosen_items, make_paper, pairs_to_look_at
     from recorder.progress import progress
 
     asked = chosen_items(only, real=real is not None)
     material = find_material(sessions, fraction)
-    with progress("reproducing", 0) as tick:
+    with progress("reproducing", pairs_to_look_at(material, asked)) as tick:
         made = make_paper(
             material, out, only=asked, fraction=fraction, real=real,
             workers=workers or os.cpu_count() or 1, tick=tick,

@@ -13,7 +13,7 @@ from processor.cli import app
 from processor.experiments.causes import CAUSES
 from processor.experiments.item import shown
 from processor.experiments.material import find_material, sample
-from processor.experiments.paper import ITEMS, Made, chosen_items, make_paper
+from processor.experiments.paper import ITEMS, Made, chosen_items, make_paper, pairs_to_look_at
 from processor.experiments.segmentation import picture_hits
 from processor.experiments.work import source_digest
 from recorder.errors import PomologError
@@ -108,10 +108,12 @@ def test_paper_json_has_each_value_beside_the_papers(made: tuple[Made, Path]) ->
 def test_a_second_run_measures_nothing_and_says_the_same(
     made: tuple[Made, Path], sets: Path
 ) -> None:
+    before = {path: path.stat().st_mtime_ns for path in (made[1] / "kept").rglob("*.json")}
     ticks: list[int] = []
     again = make_paper(find_material(sets), made[1], only=ALL, tick=ticks.append)
     assert again.document == made[0].document
-    assert not ticks
+    assert all(path.stat().st_mtime_ns == written for path, written in before.items())
+    assert sum(ticks) == pairs_to_look_at(find_material(sets), ALL)
 
 
 def test_a_killed_run_goes_on_and_ends_as_an_undisturbed_one(

@@ -53,13 +53,16 @@ def table_2(rows: Sequence[Row], material: str) -> Item:
     claims = []
     for (names, (t, significant)), row in zip(PAPER.items(), ours, strict=True):
         mine = row["t"]
+        few = min(int(row["n_first"] or 0), int(row["n_second"] or 0))
         same: Verdict = (
             "not scored" if mine is None
-            else "holds" if (row["significant"] == "yes") == significant else "does not hold"
+            else "does not hold" if (row["significant"] == "yes") != significant
+            else "holds" if significant or few >= 12 else "in part"
         )  # fmt: skip
         sentence = (
             f"n = {row['n_first']} and {row['n_second']}: significant {row['significant']} "
             f"(the paper: {'yes' if significant else 'no'})"
+            + (", of too few to tell" if few < 12 and row["significant"] == "no" else "")
             if mine is not None else "a condition has fewer than two measurements"
         )  # fmt: skip
         assert mine is None or isinstance(mine, float)
@@ -189,7 +192,7 @@ def papers_own() -> list[dict[str, Scalar]]:
 
 def draw(by_truth: dict[str, Measurements]) -> bytes:
     """The comparisons' intervals, a panel a truth."""
-    with charts.drawing(7.0, 2.5) as (sheet, done):
+    with charts.drawing(7.0, 3.0) as (sheet, done):
         panels = sheet.subplots(1, 2, sharey=True, sharex=True)
         for axes, (truth, by_condition) in zip(panels, by_truth.items(), strict=True):
             axes.axvspan(-MARGIN_MM, MARGIN_MM, color="#eeeeee", lw=0)

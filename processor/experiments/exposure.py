@@ -6,7 +6,17 @@ from typing import Final
 import numpy as np
 
 from processor.experiments import charts
-from processor.experiments.item import Claim, Column, Figure, Item, Scalar, Table, Verdict, percent
+from processor.experiments.item import (
+    Claim,
+    Column,
+    Figure,
+    Item,
+    Scalar,
+    Table,
+    Verdict,
+    percent,
+    shown,
+)
 from processor.experiments.material import Material, describe
 from processor.experiments.segmentation import LIGHTS, RULE_OF_METHOD, measure_pixels
 from processor.experiments.statistics import bootstrap_shares
@@ -47,18 +57,18 @@ def report(rows: Sequence[Row], material: str, rng: np.random.Generator) -> Item
             change = mine[stop] - metered
             lost.append(change)
             holds: Verdict = "holds" if change < -NOTICED else "does not hold"
-            claims.append(Claim(f"{light}: change of hits at {stop:+g} EV", None, change, "points",
-                                verdict=holds, sentence="the paper: it “did not work well” over- "
-                                "or under-exposed, without a number"))  # fmt: skip
+            name = f"{light}: change of hits at {_signed(stop)} EV"
+            said = "the paper: it “did not work well”, without a number"
+            claims.append(Claim(name, None, change, "points", verdict=holds, sentence=said))
     worst, best = min(lost), max(lost)
     return Item(
         id="exposure",
         source="Sec. 3.3",
         title="Over- and under-exposure",
         summary=(
-            f"From metered exposure to {stops[0]:+g} and {stops[-1]:+g} EV the hits of the "
-            f"paper's rule change by {best:+.0f} to {worst:+.0f} points, by light. Clipping is "
-            "what hurts: where a channel is full, the differences that the rule lives on are gone."
+            f"From metered exposure to {_signed(stops[0])} and {_signed(stops[-1])} EV the hits "
+            f"of the paper's rule change by {_signed(best)} to {_signed(worst)} points, by light "
+            "and end. Where a channel is clipped, the differences that the rule lives on are gone."
         ),
         method="The same rendered light exposed at every step, so that nothing but exposure "
         f"differs; pixels summed over both views. “Did not work well” is taken as more than "
@@ -69,6 +79,10 @@ def report(rows: Sequence[Row], material: str, rng: np.random.Generator) -> Item
         figures=(Figure("exposure", "Hits (above) and false positives (below) against exposure.",
                         draw(table, lights)),),
     )  # fmt: skip
+
+
+def _signed(value: float) -> str:
+    return shown(round(float(value), 1), 0, signed=True)
 
 
 _COLUMNS: Final = {

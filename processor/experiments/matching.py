@@ -222,10 +222,11 @@ def draw_pair(source: Source) -> bytes:
     counts = count_frame(trace, sample.pair.truth, sample.rectification)
     with charts.drawing(7.0, 6.6) as (sheet, done):
         panels = sheet.subplots(3, 2, height_ratios=[3, 3, 1.5])
-        for column, (side, letter) in enumerate((("left", "ab"), ("right", "cd"))):
+        for column, side in enumerate(SIDES):
             view = trace.view(side)
-            charts.show_picture(panels[0][column], view.picture, f"({letter[0]}) {side} view")
-            charts.show_picture(panels[1][column], view.cleaning.mask, f"({letter[1]}) cleaned")
+            above, below = f"({'ab'[column]}) {side} view", f"({'cd'[column]}) {side}, cleaned"
+            charts.show_picture(panels[0][column], view.picture, above)
+            charts.show_picture(panels[1][column], view.cleaning.mask, below)
             _draw_projection(panels[2][column], trace.matching, column)
         _draw_matches(panels[0], trace, counts)
         if trace.matching.reference_px is not None:

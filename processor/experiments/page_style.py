@@ -61,6 +61,7 @@ details summary { cursor: pointer; color: var(--soft); font-size: .88rem; }
   h2 { break-after: avoid; } figure, tr, .notrun { break-inside: avoid; }
   thead { display: table-header-group; }
   .scroll { overflow: visible; } table { font-size: .74rem; } th, td { padding: .18rem .3rem; }
+  details::details-content { content-visibility: visible; block-size: auto; opacity: 1; }
   nav { display: none; } figure img { border: 0; padding: 0; max-height: 200mm; width: auto;
     max-width: 100%; } }
 """

@@ -3,7 +3,7 @@
 import json
 import zlib
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Final
@@ -17,12 +17,13 @@ from processor.experiments.exposure import exposure
 from processor.experiments.item import Item
 from processor.experiments.line_profile import line_profile
 from processor.experiments.matching import matching
-from processor.experiments.material import Material, Source
+from processor.experiments.material import Material
 from processor.experiments.page import as_markdown, page
 from processor.experiments.real_pictures import CROPS, TREE, find_real, real_crops, real_tree
 from processor.experiments.rings import circles
 from processor.experiments.rounds import contour_rounds
 from processor.experiments.segmentation import segmentation
+from processor.experiments.segmentation_pictures import figure_5
 from processor.experiments.store import read_items, write_items
 from processor.experiments.work import Bench, Tick, key_of, open_bench
 from recorder.errors import PomologError
@@ -39,40 +40,51 @@ class Experiment:
         name: of its kept result.
         items: their ids, sources and titles.
         needs: the sets, at least one session of each.
+        looks_at: all sets that it uses where they exist; its results depend on those alone.
         run: from sessions to items.
     """
 
     name: str
     items: tuple[tuple[str, str, str], ...]
     needs: tuple[str, ...]
+    looks_at: tuple[str, ...]
     run: Callable[[Material, Bench, Generator], tuple[Item, ...]]
+
+
+def _segmentation(material: Material, bench: Bench, rng: Generator) -> tuple[Item, ...]:
+    """Table 1 with Fig. 5 before its own figure."""
+    first, *rest = segmentation(material, bench, rng)
+    pictures = figure_5(material.of("segmentation"))
+    return replace(first, figures=(pictures, *first.figures)), *rest
 
 
 EXPERIMENTS: Final = (
     Experiment("line-profile", (("fig2", "Fig. 2", "Line profile across a fruit"),),
-               ("segmentation",), lambda m, b, _: line_profile(m, b)),
+               ("segmentation",), ("segmentation",), lambda m, b, _: line_profile(m, b)),
     Experiment("segmentation",
                (("table1", "Fig. 5, Table 1", "Fruit pixels recognised, by lighting"),
                 ("pictures", "Sec. 3.1", "Pictures “correctly segmented”")),
-               ("segmentation",), segmentation),
+               ("segmentation",), ("segmentation",), _segmentation),
     Experiment("rounds", (("fig6", "Fig. 6", "How many rounds the random ring method needs"),),
-               ("matching",), lambda m, _, rng: contour_rounds(m, rng)),
+               ("matching",), ("matching", "segmentation"),
+               lambda m, _, rng: contour_rounds(m, rng)),
     Experiment("circles", (("fig7", "Fig. 7", "Random ring against Hough's transform"),),
-               ("matching",), lambda m, b, _: circles(m, b)),
+               ("matching",), ("matching", "segmentation"), lambda m, b, _: circles(m, b)),
     Experiment("matching",
                (("matching", "Fig. 4, Sec. 3.3", "Fruit matched from left to right"),),
-               ("matching",), lambda m, b, _: matching(m, b)),
+               ("matching",), ("matching",), lambda m, b, _: matching(m, b)),
     Experiment("distances",
                (("fig8", "Fig. 8", "Distance error from 400 to 1500 mm"),
                 ("table2", "Table 2", "Do light, occlusion and neighbours change the error?")),
-               ("distance",), lambda m, b, _: distances(m, b)),
-    Experiment("cycle", (("cycle", "Sec. 3.3", "The processing cycle"),), ("matching",),
-               lambda m, b, _: cycle(m, b)),
+               ("distance",), ("distance",), lambda m, b, _: distances(m, b)),
+    Experiment("cycle", (("cycle", "Sec. 3.3", "The processing cycle"),),
+               ("matching",), ("matching",), lambda m, b, _: cycle(m, b)),
     Experiment("exposure", (("exposure", "Sec. 3.3", "Over- and under-exposure"),),
-               ("exposure",), exposure),
+               ("exposure",), ("exposure",), exposure),
     Experiment("ambiguity",
                (("ambiguity", "throughout", "Where the paper is silent"),),
-               ("segmentation", "matching"), lambda m, b, _: ambiguity(m, b)),
+               ("segmentation", "matching"),
+               ("segmentation", "matching", "distance"), lambda m, b, _: ambiguity(m, b)),
 )  # fmt: skip
 ITEMS: Final = tuple(item[0] for experiment in EXPERIMENTS for item in experiment.items)
 REAL_ITEMS: Final = (TREE.id, CROPS.id)
@@ -121,9 +133,11 @@ def run_paper(
         if missing:
             yield from (_not_run(item, missing[0]) for item in experiment.items)
             continue
-        sources = _sources(material, experiment)
+        sources = material.of(*experiment.looks_at)
         key = key_of(experiment.name, [(s.name, s.fingerprint, s.pairs) for s in sources])
         items = read_items(out, experiment.name, key)
+        if items is not None and asked:
+            bench.tick(sum(len(source.pairs) for source in sources))
         if items is None and asked:
             seed = zlib.crc32(experiment.name.encode())  # the same whatever runs before it
             items = experiment.run(material, bench, np.random.default_rng(seed))
@@ -137,10 +151,14 @@ def run_paper(
         yield from _run_real(real, out, only)
 
 
-def _sources(material: Material, experiment: Experiment) -> tuple[Source, ...]:
-    """Everything that the experiment may look at: its sets, and those it adds where they exist."""
-    return material.of(*dict.fromkeys((*experiment.needs, "segmentation", "matching", "distance",
-                                       "exposure")))  # fmt: skip
+def pairs_to_look_at(material: Material, only: frozenset[str]) -> int:
+    """How many pairs the wanted experiments look at, one after another: for the progress bar."""
+    return sum(
+        len(source.pairs)
+        for experiment in EXPERIMENTS
+        if any(name in only for name, _, _ in experiment.items)
+        for source in material.of(*experiment.looks_at)
+    )
 
 
 def _not_run(item: tuple[str, str, str], missing: str) -> Item:
