@@ -17,8 +17,8 @@ from processor.experiments.item import (
     percent,
     shown,
 )
-from processor.experiments.material import Material, describe
-from processor.experiments.segmentation import LIGHTS, RULE_OF_METHOD, measure_pixels
+from processor.experiments.material import LIGHTS, Material, describe
+from processor.experiments.segmentation import RULE_OF_METHOD, measure_pixels
 from processor.experiments.statistics import bootstrap_shares
 from processor.experiments.work import Bench, Row
 from processor.score import detection

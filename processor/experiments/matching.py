@@ -163,6 +163,8 @@ def report(rows: Sequence[Row], picture: bytes, material: str) -> Item:
         tables=(
             Table("matching", "Fruit at least half visible in both views, by method.", _METHODS,
                   by_method),
+            Table("matching_wrong", "Every wrong match of the paper's method, and its cause.",
+                  _WRONG, [_wrong_row(row) for row in wrong]),
             Table("matching_causes", "Why fruit were matched wrongly, or not at all.",
                   _CAUSES, _cause_rows(rows)),
         ),
@@ -184,6 +186,17 @@ _CAUSES: Final = {
     "missed_any": Column("missed", 0), "wrong_true": Column("true masks: wrong", 0),
     "missed_true": Column("missed", 0),
 }  # fmt: skip
+
+
+_WRONG: Final = {
+    "session": Column("session"), "frame": Column("pair", 0), "apple": Column("apple", 0),
+    "distance": Column("distance, mm", 0), "cause": Column("cause"),
+}  # fmt: skip
+
+
+def _wrong_row(row: Row) -> dict[str, Scalar]:
+    away = row["distance_m"]
+    return {**row, "distance": None if away is None else 1e3 * away}
 
 
 def _method_row(method: str, rows: Sequence[Row]) -> dict[str, Scalar]:

@@ -17,6 +17,7 @@ SETS: Final[dict[str, tuple[str, ...]]] = {
     "distance": ("distance",),
     "exposure": ("exposure",),
 }
+LIGHTS: Final = ("front", "back", "cloudy")
 # how the notes of rendered sessions say what is no condition of `key=value`
 _EXPOSURE: Final = re.compile(r"exposure(?:_ev)?\s*=?\s*([+-]?\d+(?:\.\d+)?)")
 _HUNG: Final = re.compile(r"hung at (\d+(?:\.\d+)?) mm")
@@ -64,10 +65,16 @@ class Material:
         for name in sets:
             for prefix in SETS[name]:
                 found = [s for s in self.sources if s.scene.startswith(prefix)]
+                found.sort(key=_place)
                 if found:
                     chosen |= {source.path: source for source in found}
                     break
         return tuple(chosen.values())
+
+
+def _place(source: Source) -> int:
+    """The paper's order of lights: front, back, cloudy; others before them, as they come."""
+    return max((n for n, light in enumerate(LIGHTS, 1) if light in source.scene), default=0)
 
 
 def find_material(folder: Path, fraction: float = 1.0) -> Material:

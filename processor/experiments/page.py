@@ -162,6 +162,9 @@ def _difference(claim: Claim) -> str:
 
 
 def _table(table: Table) -> Iterator[str]:
+    if not table.rows:
+        yield f'<p class="method">{escape(table.caption)} There is none.</p>'
+        return
     numeric = {key: is_number(table, key) for key in table.columns}
     folded = len(table.rows) > LONG_TABLE
     if folded:

@@ -9,7 +9,7 @@ from processor.clean import AreaRule
 from processor.count import count_pixels
 from processor.experiments import charts
 from processor.experiments.item import Claim, Column, Figure, Item, Scalar, Table, Verdict, percent
-from processor.experiments.material import Material, describe
+from processor.experiments.material import LIGHTS, Material, describe
 from processor.experiments.statistics import bootstrap_shares
 from processor.experiments.work import Bench, Row, Sample
 from processor.recognise import ColourRatio, RedMinusLuma, TwoRedMinusGreenBlue
@@ -25,7 +25,6 @@ RULES: Final[dict[str, Recogniser]] = {
     "Y-R": RedMinusLuma(),
 }
 RULE_OF_METHOD: Final = "absolute"  # the reading that `--method paper` takes; see recognise.py
-LIGHTS: Final = ("front", "back", "cloudy")
 # Table 1: hits, false positives, false negatives in percent; each row sums to 100
 PAPER: Final = {
     "front": (92.5, 5.3, 2.2), "back": (89.5, 6.7, 3.8), "cloudy": (97.9, 1.2, 0.9),

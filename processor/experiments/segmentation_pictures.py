@@ -13,6 +13,7 @@ from processor.experiments.segmentation import RULE_OF_METHOD, RULES
 from processor.experiments.work import Sample, samples
 from processor.trace import Mask
 from recorder.records import UNCOUNTED, Labels, Picture
+from recorder.session import Session
 
 SHOWN: Final = {"Y-R": "(b) Y-R", "2R-G-B": "(c) 2R-G-B", RULE_OF_METHOD: "(d) the paper's rule"}
 HIT: Final = (255, 255, 255)
@@ -26,8 +27,9 @@ def figure_5(sources: Sequence[Source]) -> Figure:
     """The first left picture of each light, whatever it shows."""
     chosen: dict[str, Sample] = {}
     for source in sources:
-        first = next(samples(source, source.pairs[:1]))
-        chosen.setdefault(first.pair.conditions.get("lighting", "not said"), first)
+        for place, light in _lights(source):
+            if light not in chosen:
+                chosen[light] = next(samples(source, [place]))
     return Figure(
         "fig5",
         "The first picture of each light: (a) as recorded, (b) Y-R and (c) 2R-G-B with Otsu's "
@@ -36,6 +38,16 @@ def figure_5(sources: Sequence[Source]) -> Figure:
         "of the row behind, which counts neither way.",
         draw(chosen),
     )
+
+
+def _lights(source: Source) -> list[tuple[int, str]]:
+    """The light of every used pair, without decoding its pictures."""
+    with Session(source.path) as session:
+        return [
+            (place, pair.conditions.get("lighting", "not said"))
+            for place in source.pairs
+            for pair in session.pairs(place, place + 1)
+        ]
 
 
 def judged(mask: Mask, labels: Labels) -> Picture:
@@ -53,9 +65,9 @@ def draw(chosen: dict[str, Sample]) -> bytes:
     """A row a light, a column a rule."""
     with charts.drawing(7.0, 0.2 + 1.42 * len(chosen)) as (sheet, done):
         panels = sheet.subplots(len(chosen), 1 + len(SHOWN), squeeze=False)
-        for row, (light, sample) in zip(panels, chosen.items(), strict=True):
+        for number, (light, sample) in enumerate(chosen.items()):
             picture, labels = sample.picture("left"), sample.labels("left")
-            first = row is panels[0]
+            row, first = panels[number], number == 0
             charts.show_picture(row[0], _small(picture), "(a) original" if first else "")
             row[0].text(-0.04, 0.5, light, rotation=90, va="center", ha="right",
                         transform=row[0].transAxes)  # fmt: skip
