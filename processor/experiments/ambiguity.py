@@ -22,6 +22,7 @@ from processor.trace import Recogniser
 from recorder.records import SIDES, UNCOUNTED
 from recorder.rectify import Rectification
 
+LEAST_SPREAD: Final = 0.05  # what does not show in print is no spread
 THRESHOLDS: Final = (5, 10, 20, 30, 40, 60, 80)
 _INDICES: Final[dict[str, Recogniser]] = {"2R-G-B": TwoRedMinusGreenBlue(), "Y-R": RedMinusLuma()}
 
@@ -188,6 +189,8 @@ def spreads(table: Sequence[dict[str, Scalar]]) -> list[dict[str, Scalar]]:
             if len(known) < 2:
                 continue
             (low, worst), (high, best) = min(known), max(known)
+            if high - low < LEAST_SPREAD:
+                continue
             default = next((r[key] for r in mine if r["ours"]), None)
             found.append({
                 "choice": choice, "measure": f"{name}, {unit}", "default": default, "lowest": low,

@@ -29,7 +29,8 @@ PAPER: Final = {
     ("indoor no occlusion", "indoor with occlusion"): (3.24, True),
     ("indoor no occlusion", "indoor adjacent fruits"): (1.01, False),
 }
-PAPER_DF: Final = 22  # 12 ranges in each condition
+PAPER_N: Final = 12  # ranges in each condition; of fewer, a "no" says nothing
+PAPER_DF: Final = 22
 MARGIN_MM: Final = 10.0  # half of the paper's 20 mm: errors that differ by less are alike
 
 
@@ -55,14 +56,13 @@ def table_2(rows: Sequence[Row], material: str) -> Item:
         mine = row["t"]
         few = min(int(row["n_first"] or 0), int(row["n_second"] or 0))
         same: Verdict = (
-            "not scored" if mine is None
-            else "does not hold" if (row["significant"] == "yes") != significant
-            else "holds" if significant or few >= 12 else "in part"
+            "not scored" if mine is None or (row["significant"] == "no" and few < PAPER_N)
+            else "holds" if (row["significant"] == "yes") == significant else "does not hold"
         )  # fmt: skip
         sentence = (
             f"n = {row['n_first']} and {row['n_second']}: significant {row['significant']} "
             f"(the paper: {'yes' if significant else 'no'})"
-            + (", of too few to tell" if few < 12 and row["significant"] == "no" else "")
+            + (", of too few to tell" if few < PAPER_N and row["significant"] == "no" else "")
             if mine is not None else "a condition has fewer than two measurements"
         )  # fmt: skip
         assert mine is None or isinstance(mine, float)
@@ -70,7 +70,7 @@ def table_2(rows: Sequence[Row], material: str) -> Item:
                             sentence=sentence))  # fmt: skip
     alike = sum(isinstance(r["p_tost"], float) and r["p_tost"] < 0.05 for r in ours)
     tested = sum(r["p_tost"] is not None for r in ours)
-    smallest = detectable_effect(12)
+    smallest = detectable_effect(PAPER_N)
     return Item(
         id="table2",
         source="Table 2",
@@ -182,7 +182,7 @@ def papers_own() -> list[dict[str, Scalar]]:
             "t_table": t_table(PAPER_DF),
             "p": p,
             "p_holm": corrected,
-            "d": float(t * np.sqrt(2 / 12)),
+            "d": float(t * np.sqrt(2 / PAPER_N)),
         }
         for (names, (t, _)), p, corrected in zip(
             PAPER.items(), p_values, holm(p_values), strict=True
@@ -192,6 +192,15 @@ def papers_own() -> list[dict[str, Scalar]]:
 
 def draw(by_truth: dict[str, Measurements]) -> bytes:
     """The comparisons' intervals, a panel a truth."""
+    ends = [
+        abs(end)
+        for by_condition in by_truth.values()
+        for names in PAPER
+        for test in _tests(*names, by_condition)
+        if test is not None
+        for end in (test.low, test.high)
+    ]
+    reach = float(np.clip(1.05 * max(ends, default=0.0), 2 * MARGIN_MM, 120.0))
     with charts.drawing(7.0, 3.0) as (sheet, done):
         panels = sheet.subplots(1, 2, sharey=True, sharex=True)
         for axes, (truth, by_condition) in zip(panels, by_truth.items(), strict=True):
@@ -211,5 +220,5 @@ def draw(by_truth: dict[str, Measurements]) -> bytes:
             axes.set_xlabel("difference of mean error, mm")
             axes.set_yticks(range(len(PAPER)), [f"{a} /\n{b}" for a, b in PAPER])
             axes.set_ylim(len(PAPER) - 0.5, -0.5)
-            axes.set_xlim(-60, 60)
+            axes.set_xlim(-reach, reach)
     return done[0]

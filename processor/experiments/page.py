@@ -15,6 +15,7 @@ _CLASSES: Final[dict[Verdict, str]] = {
     "holds": "holds", "in part": "part", "does not hold": "fails", "not in the paper": "none",
     "not scored": "none",
 }  # fmt: skip
+WORDS: Final = 12  # characters above which a column is not to be squeezed
 LONG_TABLE: Final = 12  # rows above which a table is folded on the screen
 
 
@@ -166,6 +167,7 @@ def _table(table: Table) -> Iterator[str]:
         yield f'<p class="method">{escape(table.caption)} There is none.</p>'
         return
     numeric = {key: is_number(table, key) for key in table.columns}
+    kinds = {key: " class=n" if numeric[key] else _words(table, key) for key in table.columns}
     folded = len(table.rows) > LONG_TABLE
     if folded:
         yield f"<details><summary>{escape(table.caption)} ({len(table.rows)} rows)</summary>"
@@ -184,13 +186,17 @@ def _table(table: Table) -> Iterator[str]:
         yield (
             "<tr>"
             + "".join(
-                f"<td{' class=n' if numeric[key] else ''}>"
-                f"{escape(shown(row.get(key), column.digits))}</td>"
+                f"<td{kinds[key]}>{escape(shown(row.get(key), column.digits))}</td>"
                 for key, column in table.columns.items()
             )
             + "</tr>"
         )
     yield "</tbody></table></div>" + ("</details>" if folded else "")
+
+
+def _words(table: Table, key: str) -> str:
+    longest = max(len(str(row.get(key) or "")) for row in table.rows)
+    return " class=words" if longest > WORDS else ""
 
 
 def as_markdown(items: Sequence[Item]) -> str:

@@ -33,7 +33,8 @@ caption { caption-side: top; text-align: left; padding: 0 0 .45rem; font-family:
 th, td { padding: .28rem .6rem; border-bottom: 1px solid var(--line); text-align: left;
   vertical-align: top; }
 thead th { border-bottom: 2px solid var(--soft); font-weight: 600; vertical-align: bottom; }
-td.n, th.n { text-align: right; white-space: nowrap; }
+td.n, th.n { text-align: right; }
+td.n { white-space: nowrap; } td.words { min-width: 8.5rem; }
 td.same { color: var(--soft); }
 table.claims { width: 100%; }
 .claims td:last-child { color: var(--soft); }
@@ -60,7 +61,8 @@ details summary { cursor: pointer; color: var(--soft); font-size: .88rem; }
   main { max-width: none; padding: 0; }
   h2 { break-after: avoid; } figure, tr, .notrun { break-inside: avoid; }
   thead { display: table-header-group; }
-  .scroll { overflow: visible; } table { font-size: .74rem; } th, td { padding: .18rem .3rem; }
+  .scroll { overflow: visible; } table { font-size: .74rem; }
+  th, td { padding: .18rem .3rem; } td.words { min-width: 6.5rem; }
   details::details-content { content-visibility: visible; block-size: auto; opacity: 1; }
   nav { display: none; } figure img { border: 0; padding: 0; max-height: 200mm; width: auto;
     max-width: 100%; } }
