@@ -24,7 +24,7 @@ from recorder.rangefinders.typed import STD_M, read_typed
 from recorder.records import COMPRESSED, SIDES, Frame, Note, RangeReading, Side
 from recorder.reporter import Reporter
 from recorder.segment import Recording
-from recorder.session import SessionWriter
+from recorder.session_writer import SessionWriter
 from recorder.status import FrameStamp, RecorderStatus
 from recorder.storage import Storage
 from recorder.timeline import Timeline

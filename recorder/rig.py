@@ -9,7 +9,7 @@ import json
 import tomllib
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 import cv2
 import numpy as np
@@ -231,14 +231,17 @@ class _RangefinderTable(BaseModel):
 
 
 class _RigFile(BaseModel):
-    """rig.toml. Tables of other parts of the product (cameras, capture) are theirs to check."""
+    """rig.toml; its last three tables are `recorder.equipment`'s to check."""
 
-    model_config = ConfigDict(extra="ignore")
+    model_config = ConfigDict(extra="forbid")
 
     left: _CameraTable
     right: _CameraTable
     stereo: _PoseTable
     rangefinder: _RangefinderTable | None = None
+    cameras: Any = None
+    rangefinder_device: Any = None
+    capture: Any = None
 
 
 def _read_toml(path: Path) -> Rig:

@@ -10,7 +10,7 @@ from recorder.errors import PomologError
 from recorder.ledger import PairCounter, StreamLedger, final_ledger
 from recorder.records import SIDES
 from recorder.rig import Rig
-from recorder.session import SessionWriter
+from recorder.session_writer import SessionWriter
 from recorder.write_queue import Entry
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from threading import Condition
 from typing import Final
 
-from recorder.session import SessionWriter
+from recorder.session_writer import SessionWriter
 
 MAX_SMALL: Final = 100_000  # readings, notes and statuses: minutes of them, some 20 MB
 

@@ -41,7 +41,8 @@ from recorder.records import (
     StereoPair,
 )
 from recorder.rig import Camera, Floats, LensModel, Rangefinder, Rig, parallel_rig
-from recorder.session import Session, SessionWriter
+from recorder.session import Session
+from recorder.session_writer import SessionWriter
 
 SIZE_PX = (64, 48)
 SECOND_NS = 1_000_000_000

@@ -10,7 +10,7 @@ from processor.count import true_discs
 from recorder.records import SIDES, AppleTruth, Frame, FrameTruth, Note, RangeReading
 from recorder.rectify import rectify
 from recorder.rig import Rangefinder, parallel_rig
-from recorder.session import SessionWriter
+from recorder.session_writer import SessionWriter
 
 SIZE_PX = (640, 512)
 RIG = parallel_rig(

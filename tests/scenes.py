@@ -28,7 +28,7 @@ from recorder.records import (
     TruthPoint,
 )
 from recorder.rig import Rangefinder, Rig, parallel_rig
-from recorder.session import SessionWriter
+from recorder.session_writer import SessionWriter
 
 # BGR. Fruit by all readings of the rule (R - G = 160, G - B = 10) and both other indicators
 RED: Final = (30, 40, 200)

@@ -4,7 +4,7 @@ import pytest
 
 from recorder.check import Finding, check
 from recorder.records import Frame, RangeReading
-from recorder.session import SessionWriter
+from recorder.session_writer import SessionWriter
 from tests.builders import (
     SECOND_NS,
     SIZE_PX,

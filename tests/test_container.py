@@ -183,7 +183,7 @@ def test_metadata_whose_checksum_was_lost_are_refused(tmp_path: Path) -> None:
 
 
 def test_a_ledger_under_another_name_is_not_simply_absent(tmp_path: Path) -> None:
-    from recorder.session import SessionWriter
+    from recorder.session_writer import SessionWriter
     from tests.builders import frame, rig
 
     with (tmp_path / "s.mcap").open("wb") as stream:

@@ -58,7 +58,7 @@ def test_a_folder_is_replaced_whole_or_not_at_all(tmp_path: Path) -> None:
 KILLED = """
 import sys
 from pathlib import Path
-from recorder.session import SessionWriter
+from recorder.session_writer import SessionWriter
 from tests.builders import frame, rig
 with SessionWriter.create(Path(sys.argv[1]), rig()) as writer:
     for index in range(10**9):
@@ -91,7 +91,7 @@ def test_a_killed_writer_leaves_nothing_under_the_name(
 
 
 def write_megabytes(path: Path, count: int) -> None:
-    from recorder.session import SessionWriter
+    from recorder.session_writer import SessionWriter
 
     with SessionWriter.create(path, rig((1024, 700)), raw_images=True) as writer:
         large = frame("left", encoding="bgr8", size_px=(1024, 700))
@@ -187,7 +187,7 @@ def test_a_name_that_is_too_long_is_one_line(tmp_path: Path) -> None:
 
 
 def test_syncing_takes_what_was_written_to_the_disk_not_to_a_buffer(tmp_path: Path) -> None:
-    from recorder.session import SessionWriter
+    from recorder.session_writer import SessionWriter
 
     with (tmp_path / "s.mcap").open("wb", buffering=1 << 20) as stream:
         writer = SessionWriter(stream, rig())

@@ -123,7 +123,7 @@ def test_labelling_keeps_all_else_as_it_was(tmp_path: Path) -> None:
 
 
 def test_unpaired_frames_are_kept_and_get_no_truth(tmp_path: Path) -> None:
-    from recorder.session import SessionWriter
+    from recorder.session_writer import SessionWriter
     from tests.builders import SECOND_NS, frame, rig
 
     session = tmp_path / "s.mcap"

@@ -12,7 +12,7 @@ from recorder.container import Container
 from recorder.profile import TOPICS, encode_rig
 from recorder.records import Encoding, Note
 from recorder.rectify import rectify
-from recorder.session import SessionWriter
+from recorder.session_writer import SessionWriter
 from tests.builders import frame, rangefinder, real_rig, rig, session_file
 
 

@@ -25,7 +25,8 @@ from processor.results import TABLES, join_tables, read_table, write_tables
 from recorder.errors import PomologError
 from recorder.files import only_writer
 from recorder.records import Frame
-from recorder.session import Session, SessionWriter
+from recorder.session import Session
+from recorder.session_writer import SessionWriter
 from tests.scenes import TINY, apple, small_rig, stereo_session, tiny_rig
 
 RESULTS = {"apples.parquet", "frames.parquet", "truth.parquet", "run.json", "trace.rrd"}

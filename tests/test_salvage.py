@@ -111,7 +111,7 @@ def test_frames_of_every_kind_are_salvaged(tmp_path: Path, encoding: str) -> Non
 
 
 def test_a_whole_session_comes_through_with_its_ledger(tmp_path: Path) -> None:
-    from recorder.session import SessionWriter
+    from recorder.session_writer import SessionWriter
     from tests.builders import frame, rig
 
     with (tmp_path / "s.mcap").open("wb") as stream:

@@ -20,7 +20,8 @@ from recorder.records import (
     RangeReading,
     StereoPair,
 )
-from recorder.session import Session, SessionWriter, read_info
+from recorder.session import Session, read_info
+from recorder.session_writer import SessionWriter
 from tests.builders import (
     SECOND_NS,
     SIZE_PX,

@@ -9,7 +9,7 @@ from recorder.errors import PomologError
 from recorder.pictures import identify, verify
 from recorder.records import Frame, Note, Side
 from recorder.rig import Rig
-from recorder.session import SessionWriter
+from recorder.session_writer import SessionWriter
 
 PICTURE_SUFFIXES: Final = frozenset((".png", ".jpg", ".jpeg", ".webp"))
 

@@ -20,7 +20,8 @@ from recorder.orchard.truth import beam_range_m, pair_truth, reading, see_labels
 from recorder.orchard.world import World, grow_world
 from recorder.records import SIDES, FrameTruth, Labels, Note
 from recorder.rig import Rig
-from recorder.session import DEFAULT_MAX_SKEW_NS, SessionWriter
+from recorder.session import DEFAULT_MAX_SKEW_NS
+from recorder.session_writer import SessionWriter
 
 RENDERER: Final = "1"  # part of what a kept picture is known by; count up when pictures change
 START_NS: Final = 1_760_000_000_000_000_000  # of every made session: made again, the same bytes

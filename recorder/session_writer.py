@@ -1,0 +1,127 @@
+"""Writing a session: the rig once, then frames, readings, truth and notes as they come."""
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, BinaryIO, Self
+
+from recorder.errors import PomologError
+from recorder.files import replacing
+from recorder.message_writer import MessageWriter
+from recorder.profile import (
+    IMAGE_TOPICS,
+    encode_frame,
+    encode_note,
+    encode_reading,
+    encode_rig,
+    encode_truth,
+)
+from recorder.records import COMPRESSED, Frame, FrameTruth, Note, RangeReading
+from recorder.rig import Rig
+from recorder.status import FrameStamp, RecorderStatus, encode_stamp, encode_status
+
+
+class SessionWriter:
+    """Write a session: the rig once, then frames, readings, truth and notes as they come.
+
+    Args:
+        stream: an empty file opened for writing; `SessionWriter.create` opens one by name.
+        rig: written as calibration and transforms before the first message.
+        metadata: lighting, cultivar, site, made_by and whatever else is known.
+        raw_images: frames are raw (Bayer or BGR) instead of JPEG, PNG or WebP.
+    """
+
+    def __init__(
+        self,
+        stream: BinaryIO,
+        rig: Rig,
+        metadata: Mapping[str, str] | None = None,
+        *,
+        raw_images: bool = False,
+    ) -> None:
+        self._rig = rig
+        self._rig_written = False
+        self._raw_images = raw_images
+        known = {**(metadata or {}), "rig": rig.digest}
+        if rig.rangefinder is not None:
+            known["rangefinder_std_m"] = repr(rig.rangefinder.std_m)
+        self._out = MessageWriter(stream, known, raw_images=raw_images)
+
+    @classmethod
+    @contextmanager
+    def create(
+        cls,
+        path: Path,
+        rig: Rig,
+        metadata: Mapping[str, str] | None = None,
+        *,
+        raw_images: bool = False,
+    ) -> Iterator[Self]:
+        """Open a session by name; it appears there when all of it is on the disk.
+
+        Raises:
+            PomologError: the file cannot be written.
+        """
+        with replacing(path) as part, part.open("wb") as stream:
+            writer = cls(stream, rig, metadata, raw_images=raw_images)
+            yield writer
+            writer.finish()
+
+    def write_frame(self, frame: Frame) -> None:
+        """Write a frame; its bytes stay as they are.
+
+        Raises:
+            PomologError: its size is not the calibration's, or raw and compressed are mixed.
+        """
+        size_px = self._rig.camera(frame.side).size_px
+        if frame.size_px != size_px:
+            raise PomologError(
+                f"a {frame.side} picture of {frame.size_px[0]} x {frame.size_px[1]} px, but the "
+                f"rig's {frame.side} camera has {size_px[0]} x {size_px[1]}; is it the right rig?"
+            )
+        if (frame.encoding not in COMPRESSED) != self._raw_images:
+            raise PomologError("raw and compressed frames cannot be mixed in one session")
+        topic = IMAGE_TOPICS[frame.side]
+        self._write(topic, frame.time_ns, encode_frame(frame), frame.sequence)
+
+    def write_reading(self, reading: RangeReading) -> None:
+        """Write an answer of the rangefinder."""
+        self._write("/rangefinder", reading.time_ns, encode_reading(reading))
+
+    def write_truth(self, time_ns: int, truth: FrameTruth) -> None:
+        """Write what is known of the fruit in the pair of that (left frame's) time."""
+        for topic, message in encode_truth(time_ns, truth):
+            self._write(topic, time_ns, message)
+
+    def write_note(self, note: Note) -> None:
+        """Write a line that the operator typed."""
+        self._write("/notes", note.time_ns, encode_note(note))
+
+    def write_stamp(self, stamp: FrameStamp) -> None:
+        """Write what the recorder knows of a frame's times, beside the frame."""
+        self._write("/recorder/stamps", stamp.time_ns, encode_stamp(stamp))
+
+    def write_status(self, status: RecorderStatus) -> None:
+        """Write the recorder's own state of that moment."""
+        self._write("/recorder/status", status.time_ns, encode_status(status))
+
+    def _write(self, topic: str, time_ns: int, message: Any, sequence: int | None = None) -> None:
+        if not self._rig_written:
+            self._rig_written = True
+            for rig_topic, rig_message in encode_rig(self._rig, time_ns):
+                self._out.write(rig_topic, time_ns, rig_message.SerializeToString())
+        self._out.write(topic, time_ns, message.SerializeToString(), sequence=sequence)
+
+    def flush(self) -> None:
+        """End the chunk in progress and hand it to the operating system."""
+        self._out.flush()
+
+    def sync(self) -> None:
+        """Wait until the disk has everything written so far."""
+        self._out.sync()
+
+    def finish(self, ledger: Mapping[str, str] | None = None) -> None:
+        """Write the recorder's final counts, where it kept any, and the index."""
+        if ledger:
+            self._out.add_metadata("ledger", ledger)
+        self._out.finish()
