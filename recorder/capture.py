@@ -106,14 +106,14 @@ class Recorder:
             "clock_zero_ns": str(self._clock.wall_ns - self._clock.monotonic_ns),
         }
         return Recording(
-            self.plan.folder,
-            self.plan.name,
-            self.plan.rig,
-            self._conditions,  # shared: a note that sets a condition sets it for files to come
-            raw_images,
-            capture.max_skew_ns,
-            self.plan.split,
-            self._ledgers,
+            folder=self.plan.folder,
+            name=self.plan.name,
+            rig=self.plan.rig,
+            metadata=self._conditions,  # shared: a note sets a condition for the files to come
+            raw_images=raw_images,
+            max_skew_ns=capture.max_skew_ns,
+            split=self.plan.split,
+            ledgers=self._ledgers,
         )
 
     def _make_timelines(self) -> dict[str, Timeline]:
@@ -203,21 +203,15 @@ class Recorder:
 
     def _deliver(self, side: Side, shot: Shot, time_ns: int) -> None:
         stamp = FrameStamp(
-            time_ns,
-            side,
-            shot.frame_id,
-            shot.device_ns,
-            shot.host_ns,
-            shot.monotonic_ns,
+            time_ns, side, shot.frame_id, shot.device_ns, shot.host_ns, shot.monotonic_ns,
             shot.status,
-        )
+        )  # fmt: skip
 
         def write(session: SessionWriter) -> None:
             if shot.complete:
-                sequence = shot.frame_id or 0
-                session.write_frame(
-                    Frame(side, time_ns, shot.encoding, shot.data, shot.size_px, sequence)
-                )
+                number = shot.frame_id or 0
+                frame = Frame(side, time_ns, shot.encoding, shot.data, shot.size_px, number)
+                session.write_frame(frame)
             session.write_stamp(stamp)
 
         if shot.complete:
@@ -228,9 +222,7 @@ class Recorder:
     def _take_answer(
         self, answer: Answer, monotonic_ns: int, asked: bool, apple_id: int | None
     ) -> None:
-        std_m = self.plan.rig.rangefinder.std_m if self.plan.rig.rangefinder else None
-        if self._rangefinder is not None and std_m is None:
-            std_m = self._rangefinder.std_m
+        std_m = self._rangefinder.std_m if self._rangefinder else None
         self._write_reading(answer, self._clock.time_ns(monotonic_ns), std_m, apple_id)
         if asked:
             name = "the fruit at the crosshair" if apple_id is None else f"apple {apple_id}"

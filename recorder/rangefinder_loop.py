@@ -63,9 +63,12 @@ class RangefinderLoop:
         self._thread.start()
 
     def stop(self) -> None:
-        """End, and close the port."""
+        """End, and close the port; also of one that never began."""
         self._stopping.set()
-        self._thread.join(timeout=5)
+        if self._thread.ident is None:
+            self._close()
+        else:
+            self._thread.join(timeout=5)
 
     def want(self, apple_id: int | None) -> None:
         """The operator wants the next good reading, for that apple."""

@@ -19,7 +19,9 @@ import pytest
 from recorder.cameras import Camera, Shot, open_camera
 from recorder.equipment import CameraSettings
 from recorder.errors import PomologError
+from recorder.session import Session
 from tests.real_parts import need_module
+from tests.rehearsal import rig_with_pictures, start
 
 
 def jpegs(count: int = 5) -> list[bytes]:
@@ -97,6 +99,23 @@ def test_mjpeg_is_stored_byte_for_byte() -> None:
             assert shot.data in camera.pictures
             assert (shot.encoding, shot.size_px) == ("jpeg", (64, 48))
         assert [shot.frame_id for shot in shots] == list(range(1, 7))
+
+
+def test_two_mjpeg_cameras_are_recorded_byte_for_byte(tmp_path: Path) -> None:
+    with mjpeg() as camera:
+        rig = rig_with_pictures(tmp_path, size_px=(64, 48), capture="max_skew_ms = 20.0")
+        text = rig.read_text().replace('"files"', '"av"')
+        for side in ("left", "right"):
+            text = text.replace(f"{tmp_path}/{side}", camera.url)
+        rig.write_text(text)
+        recorder = start(rig, tmp_path, "--duration", "2")
+        _, errors = recorder.communicate(timeout=30)
+        assert (recorder.returncode, errors) == (0, "")
+        with Session(tmp_path / "row.mcap") as session:
+            assert len(session) > 10
+            for pair in session.pairs():
+                assert pair.left.data in camera.pictures
+                assert pair.right.data in camera.pictures
 
 
 def test_a_jpeg_cut_short_is_incomplete() -> None:

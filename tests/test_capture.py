@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 
 from recorder.cameras import Shot
+from recorder.capture import Recorder
 from recorder.equipment import CaptureSettings, load_equipment
 from recorder.errors import PomologError
 from recorder.exposure import half_size, look_at
@@ -236,6 +237,17 @@ def test_pictures_of_another_size_than_the_rigs_are_refused(tmp_path: Path) -> N
     _, errors = recorder.communicate(timeout=30)
     assert recorder.returncode == 1
     assert "the left camera gives 160 x 120 px, the rig's calibration is of 320 x 240" in errors
+
+
+def test_a_rig_that_is_refused_lets_go_of_its_rangefinder(tmp_path: Path) -> None:
+    need_module("serial", "serial")
+    with LineDevice(dimetix_answer) as device:
+        more = f'[rangefinder_device]\ndriver = "dimetix"\nport = "{device.path}"\n'
+        rig = rig_with_pictures(tmp_path, more=more)
+        rig.write_text(rig.read_text().replace("size_px = [160, 120]", "size_px = [320, 240]"))
+        for _ in range(2):
+            with pytest.raises(PomologError, match="160 x 120 px"):
+                Recorder(make_plan(rig, tmp_path / "out", about={}))
 
 
 def test_rows_are_compared_after_rectification() -> None:
