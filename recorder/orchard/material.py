@@ -10,7 +10,7 @@ import numpy.typing as npt
 from recorder.orchard.engine import load_mitsuba, load_part, texture
 from recorder.orchard.leaf import paint_atlas
 from recorder.orchard.noise import field, linear, srgb8
-from recorder.orchard.skin import RECIPES, SKIN_PX, Cultivar, paint_skins, plastic_skin
+from recorder.orchard.skin import RECIPES, SKIN_PX, Cultivar, paint_skin, plastic_skin
 from recorder.orchard.wood import paint_bark
 
 SKINS: Final = 6  # different fruit of one scene
@@ -35,12 +35,18 @@ class Materials:
 
 
 def orchard_materials(
-    rng: np.random.Generator, cultivar: Cultivar, *, dew: bool = False, plastic: bool = False
+    rng: np.random.Generator,
+    cultivar: Cultivar,
+    *,
+    dew: bool = False,
+    plastic: bool = False,
+    skins: int = SKINS,
 ) -> Materials:
-    """Paint skins, leaves and bark; `plastic` for an artificial tree with a real crop on it."""
+    """Paint so many different skins, leaves and bark; `plastic` for an artificial tree's leaves."""
     mi = load_mitsuba()
     recipe = RECIPES[cultivar]
-    atlas, _ = paint_skins(rng, recipe, SKINS)
+    painted = [paint_skin(rng, recipe) for _ in range(skins)]
+    atlas = np.concatenate([painted[i % skins] for i in range(SKINS)], axis=1)
     bark = paint_bark(rng, (92, 80, 68), (138, 126, 112))
     twig = paint_bark(rng, (84, 62, 50), (128, 100, 84), (256, 128))
     return Materials(

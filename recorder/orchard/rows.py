@@ -17,6 +17,12 @@ from recorder.orchard.tree import TreeShape, Wood, grow_tree, hang_fruit
 TREE_PITCH_M: Final = 1.15
 BEHIND_ENDING: Final = "_fruit"  # of the names of meshes of fruit that nobody is asked to find
 _BACK_TREES: Final = 4  # in one repeated stretch of a row behind
+_SMALL_PX: Final = 400  # a picture narrower than this shows little of what is behind
+
+
+def is_small(scene: Scene) -> bool:
+    """Whether the pictures are so small that what nobody is asked to find may be simpler."""
+    return scene.camera.size_px[0] < _SMALL_PX
 
 
 def rows_behind(
@@ -39,24 +45,24 @@ def rows_behind(
         to_x_m: its last.
     """
     shapes: dict[str, Any] = {}
-    for name, leaf_density, leaf_m, grid in (
-        ("stretch_0", 1.6, (0.06, 0.10), leaf.FAR_GRID),
-        ("stretch_1", 0.75, (0.09, 0.14), (3, 2)),  # far: fewer and larger leaves cost less
-    ):
+    near = ("stretch_0", 1.6, (0.06, 0.10), leaf.FAR_GRID)
+    far = ("stretch_1", 0.75, (0.09, 0.14), (3, 2))  # fewer and larger leaves cost less
+    nearest = far[0] if is_small(scene) else near[0]
+    for name, leaf_density, leaf_m, grid in (far,) if is_small(scene) else (near, far):
         shapes[name] = {
             "type": "shapegroup",
             **_stretch(rng, scene, materials, name, leaf_density, leaf_m, grid),
         }
     length_m = _BACK_TREES * TREE_PITCH_M
     beyond_m = (TREE_PITCH_M + length_m) / 2
-    places = [("stretch_0", x, row_y_m) for x in (from_x_m - beyond_m, to_x_m + beyond_m)]
+    places = [(nearest, x, row_y_m) for x in (from_x_m - beyond_m, to_x_m + beyond_m)]
     middle_m, driven_m = (from_x_m + to_x_m) / 2, to_x_m - from_x_m - TREE_PITCH_M
     for row in range(1, 5):
         count = 2 + row + int(np.ceil(driven_m / length_m))
         for i in range(count):
             x = (i - (count - 1) / 2) * length_m + middle_m + rng.uniform(-0.4, 0.4)
-            places.append((f"stretch_{min(row - 1, 1)}", x, row_y_m + ROW_PITCH_M * row))
-    places += [("stretch_1", i * length_m, row_y_m - ROW_PITCH_M) for i in (-0.5, 0.5)]
+            places.append((nearest if row == 1 else far[0], x, row_y_m + ROW_PITCH_M * row))
+    places += [(far[0], i * length_m, row_y_m - ROW_PITCH_M) for i in (-0.5, 0.5)]
     for n, (group, x, y) in enumerate(places):
         turn, scale = 180.0 * int(rng.integers(2)), float(rng.uniform(0.96, 1.06))
         shapes[f"copy_{n}"] = instance(group, [float(x), float(y), 0.0], turn, scale)
@@ -80,7 +86,7 @@ def _stretch(
     blades = grow_blades(rng, LeafPlaces.joined([t.leaves for t in trees]), grid, length_m)
     shapes = wood_shapes(rng, branches, materials, name)
     shapes[f"{name}_leaves"] = make_mesh(f"{name}_leaves", blades.surface(), materials.leaf)
-    count = min(scene.trees.fruit, 40)
+    count = min(scene.trees.fruit, 10 if is_small(scene) else 40)
     if count and scene.specimen is None:
         wood = Wood(branches)
         apples = []

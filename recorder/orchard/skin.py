@@ -124,13 +124,6 @@ def _lenticels(rng: np.random.Generator, count: int) -> Image:
     return np.asarray(cv2.GaussianBlur(dots, (0, 0), 0.5), np.float32)
 
 
-def paint_skins(
-    rng: np.random.Generator, recipe: Recipe, count: int
-) -> tuple[npt.NDArray[np.uint8], int]:
-    """An atlas with `count` skins side by side, and that count."""
-    return np.concatenate([paint_skin(rng, recipe) for _ in range(count)], axis=1), count
-
-
 def plastic_skin(rng: np.random.Generator) -> npt.NDArray[np.uint8]:
     """The evenly red skin of an artificial fruit."""
     red = np.ones((*SKIN_PX, 1), np.float32) * linear([178 + int(rng.integers(-8, 8)), 26, 30])

@@ -17,10 +17,10 @@ from recorder.orchard.engine import Floats, make_mesh
 from recorder.orchard.ground import ground_shapes, trellis_shapes
 from recorder.orchard.leaf import Blades, LeafPlaces, grow_blades
 from recorder.orchard.light import daylight
-from recorder.orchard.material import Materials, orchard_materials, plastic_fruit
+from recorder.orchard.material import SKINS, Materials, orchard_materials, plastic_fruit
 from recorder.orchard.parts import fruit_surface, stem_surface, wood_shapes
 from recorder.orchard.room import room_shapes
-from recorder.orchard.rows import TREE_PITCH_M, rows_behind
+from recorder.orchard.rows import TREE_PITCH_M, is_small, rows_behind
 from recorder.orchard.scene import Scene, Shot
 from recorder.orchard.skin import RECIPES
 from recorder.orchard.specimen import HungFruit, hang_specimen
@@ -76,7 +76,11 @@ def grow_world(scene: Scene, shot: Shot) -> World:
     seeds = {name: [shot.seed, n] for n, name in enumerate(_STREAMS)}
     rngs = {name: np.random.default_rng(seed) for name, seed in seeds.items()}
     materials = orchard_materials(
-        rngs["paint"], scene.cultivar, dew=scene.dew, plastic=scene.place == "room"
+        rngs["paint"],
+        scene.cultivar,
+        dew=scene.dew,
+        plastic=scene.place == "room",
+        skins=2 if is_small(scene) else SKINS,
     )
     near = _NearRow(scene, shot, rngs)
     shapes: dict[str, Any] = {"type": "scene"}
