@@ -174,6 +174,14 @@ def test_an_unknown_item_is_refused_with_those_there_are() -> None:
         chosen_items("real-tree", real=False)
 
 
+def test_a_folder_without_known_real_pictures_is_refused_before_any_work(
+    sets: Path, tmp_path: Path
+) -> None:
+    with pytest.raises(PomologError, match="no known real pictures"):
+        make_paper(find_material(sets), tmp_path / "out", only=ALL, real=tmp_path)
+    assert not (tmp_path / "out").exists()
+
+
 def test_a_folder_without_sessions_is_refused(tmp_path: Path) -> None:
     with pytest.raises(PomologError, match="pomolog simulate"):
         find_material(tmp_path)
@@ -249,3 +257,21 @@ def test_fruit_that_touch_in_one_view_alone_are_merged_in_one_view(tmp_path: Pat
     found = cause_rows(tmp_path, [(near, far)])
     merged = found["merged with other fruit in one view"]
     assert int(str(merged["wrong_any"])) + int(str(merged["missed_any"])) >= 1
+
+
+REAL = Path(__file__).parents[2] / "shared" / "data"
+
+
+@pytest.mark.skipif(not REAL.is_dir(), reason=f"no real pictures in {REAL}")
+def test_the_real_tree_is_measured_where_it_is_at_hand(tmp_path: Path) -> None:
+    write_set(tmp_path / "segmentation-front.mcap", [row_of(0.6, 0.7)] * 2)
+    made = make_paper(
+        find_material(tmp_path),
+        tmp_path / "out",
+        only=chosen_items("real-tree", real=True),
+        real=REAL / "story_orchard",
+    )
+    table = {(row["rule"], row["window"]): row for row in rows(made, "real_tree")}
+    assert float(str(table["signed", "any"]["covered"])) < 10
+    assert float(str(table["absolute", "any"]["covered"])) > 90
+    assert float(str(table["absolute", "any"]["marked"])) > 20

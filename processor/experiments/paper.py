@@ -200,6 +200,8 @@ def make_paper(
     Raises:
         PomologError: a session is damaged, real pictures are missing, or the disk is full.
     """
+    if real is not None:
+        find_real(real)  # said before minutes of work, not after
     with writable(out):
         out.mkdir(parents=True, exist_ok=True)
     with open_bench(out / "kept" / "rows", workers, tick) as bench:

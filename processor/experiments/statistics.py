@@ -32,7 +32,8 @@ class TTest:
         t_table: the size of t that is significant at 95 %.
         p: the two-sided p-value.
         effect: Cohen's d (pooled SD) where unpaired, d_z (SD of the differences) where paired.
-        effect_unbiased: the same by Hedges' correction for small groups.
+        effect_unbiased: the same by Hedges' correction for small groups; None below three degrees
+            of freedom, where nothing is left of it.
     """
 
     n: int
@@ -44,7 +45,7 @@ class TTest:
     t_table: float
     p: float
     effect: float
-    effect_unbiased: float
+    effect_unbiased: float | None
 
     @property
     def significant(self) -> bool:
@@ -94,7 +95,7 @@ def _t_test(difference: float, deviation: float, scale: float, df: int, n: int) 
         t_table=critical,
         p=float(2 * stats.t.sf(abs(t), df)),
         effect=effect,
-        effect_unbiased=effect * (1 - 3 / (4 * df - 1)),
+        effect_unbiased=effect * (1 - 3 / (4 * df - 1)) if df >= 3 else None,
     )
 
 
