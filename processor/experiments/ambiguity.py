@@ -11,7 +11,7 @@ from processor.count import count_frame
 from processor.experiments import charts
 from processor.experiments.distances import measure_distances
 from processor.experiments.item import Column, Figure, Item, Scalar, Table, percent
-from processor.experiments.material import Material, describe
+from processor.experiments.material import Material, describe, for_matching
 from processor.experiments.windows import ring_of
 from processor.experiments.work import Bench, Row, Sample, array_of
 from processor.locate import Locator
@@ -119,7 +119,7 @@ _MEASURES: Final = {
 
 def ambiguity(material: Material, bench: Bench) -> tuple[Item, ...]:
     """All choices, on the sessions that show what each changes."""
-    pictures, pairs = material.of("segmentation"), material.of("matching")
+    pictures, pairs = material.of("segmentation"), for_matching(material)
     series = material.of("distance")
     thresholds = bench.rows(measure_thresholds, pictures)
     options = bench.rows(measure_options, pairs)

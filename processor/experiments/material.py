@@ -17,6 +17,7 @@ SETS: Final[dict[str, tuple[str, ...]]] = {
     "distance": ("distance",),
     "exposure": ("exposure",),
 }
+PAPER_PAIRS: Final = 45  # Sec. 3.3, of the matching experiment
 LIGHTS: Final = ("front", "back", "cloudy")
 # how the notes of rendered sessions say what is no condition of `key=value`
 _EXPOSURE: Final = re.compile(r"exposure(?:_ev)?\s*=?\s*([+-]?\d+(?:\.\d+)?)")
@@ -75,6 +76,16 @@ class Material:
 def _place(source: Source) -> int:
     """The paper's order of lights: front, back, cloudy; others before them, as they come."""
     return max((n for n, light in enumerate(LIGHTS, 1) if light in source.scene), default=0)
+
+
+def for_matching(material: Material) -> tuple[Source, ...]:
+    """The matching sessions; where they have fewer pairs than the paper's 45, segmentation's too.
+
+    Both are rows of trees with the truth of every apple; a sample of one set alone is too small.
+    """
+    found = material.of("matching")
+    enough = sum(len(source.pairs) for source in found) >= PAPER_PAIRS
+    return found if enough else material.of("matching", "segmentation")
 
 
 def find_material(folder: Path, fraction: float = 1.0) -> Material:

@@ -72,7 +72,7 @@ EXPERIMENTS: Final = (
                ("matching",), ("matching", "segmentation"), lambda m, b, _: circles(m, b)),
     Experiment("matching",
                (("matching", "Fig. 4, Sec. 3.3", "Fruit matched from left to right"),),
-               ("matching",), ("matching",), lambda m, b, _: matching(m, b)),
+               ("matching",), ("matching", "segmentation"), lambda m, b, _: matching(m, b)),
     Experiment("distances",
                (("fig8", "Fig. 8", "Distance error from 400 to 1500 mm"),
                 ("table2", "Table 2", "Do light, occlusion and neighbours change the error?")),
