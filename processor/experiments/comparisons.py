@@ -62,7 +62,7 @@ def table_2(rows: Sequence[Row], material: str) -> Item:
         sentence = (
             f"n = {row['n_first']} and {row['n_second']}: significant {row['significant']} "
             f"(the paper: {'yes' if significant else 'no'})"
-            + (", of too few to tell" if few < PAPER_N and row["significant"] == "no" else "")
+            + (", too few to tell" if few < PAPER_N and row["significant"] == "no" else "")
             if mine is not None else "a condition has fewer than two measurements"
         )  # fmt: skip
         assert mine is None or isinstance(mine, float)
