@@ -28,7 +28,7 @@ from recorder.session_writer import SessionWriter
 from recorder.status import FrameStamp, RecorderStatus
 from recorder.storage import Storage
 from recorder.timeline import Timeline
-from recorder.warm_up import warm_up
+from recorder.warm_up import first_shot, settle
 from recorder.write_queue import Entry
 
 LOOK_S: Final = 0.5  # exposure and focus, twice a second
@@ -79,22 +79,21 @@ class Recorder:
                     self.tell,
                 )
             self._timelines = self._make_timelines()
-            with ThreadPoolExecutor(len(SIDES)) as pool:  # frames must not wait for each other
-                begin = partial(warm_up, plan, cameras, self._timelines)
-                first = dict(zip(SIDES, pool.map(begin, SIDES), strict=True))
-            raw = {side: first[side].encoding not in COMPRESSED for side in SIDES}
-            if raw["left"] != raw["right"]:
+            raw = {first_shot(plan, cameras, side).encoding not in COMPRESSED for side in SIDES}
+            if len(raw) > 1:
                 raise PomologError(
                     "one camera gives raw pictures and the other JPEG; give both the same driver "
                     "and pixel_format"
                 )
-            self._storage = Storage(self._recording(raw_images=raw["left"]), plan.equipment.capture)
+            self._storage = Storage(self._recording(raw_images=raw.pop()), plan.equipment.capture)
         except BaseException:
             for camera in cameras.values():
                 camera.close()
             if self._rangefinder is not None:
                 self._rangefinder.stop()
             raise
+        with ThreadPoolExecutor(len(SIDES)) as pool:  # a camera's frames must not wait
+            list(pool.map(partial(settle, plan, cameras, self._timelines), SIDES))
         self._reporter = Reporter(plan, self._ledgers, self._storage, self._timelines)
         self._loops = self._camera_loops(cameras)
         self._begin()

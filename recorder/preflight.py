@@ -79,7 +79,7 @@ def _shots(plan: Plan, found: Callable[[str, str], None]) -> dict[Side, Placed] 
                 cameras[side] = stack.enter_context(
                     closing(open_camera(plan.equipment.cameras[side]))
                 )
-                first_shot(side, cameras[side], plan)
+                first_shot(plan, cameras, side)
             except PomologError as error:
                 failed = True
                 found("failure", str(error))

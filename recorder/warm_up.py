@@ -13,32 +13,29 @@ from recorder.timeline import Timeline
 FIRST_SHOT_S: Final = 5.0  # a camera may take this long to begin
 
 
-def warm_up(
+def settle(
     plan: Plan, cameras: Mapping[Side, Camera], timelines: Mapping[str, Timeline], side: Side
-) -> Shot:
-    """Take frames that will not be kept until the camera's clock is known.
-
-    Raises:
-        PomologError: no frames, or pictures of another size.
-    """
-    shot = first_shot(side, cameras[side], plan)
+) -> None:
+    """Take frames that will not be kept until the camera's clock is known, or gone already."""
     until_s = time.monotonic() + FIRST_SHOT_S
-    settled = timelines[side].note(shot)
+    settled = False
     while not settled and time.monotonic() < until_s:
-        if plan.equipment.cameras[side].trigger == "software":
-            cameras[side].trigger()
-        further = cameras[side].next_shot(0.5)
-        settled = further is not None and timelines[side].note(further)
-    return shot
+        try:
+            if plan.equipment.cameras[side].trigger == "software":
+                cameras[side].trigger()
+            shot = cameras[side].next_shot(0.5)
+        except PomologError:
+            return  # the recording's own watchdog opens it anew
+        settled = shot is not None and timelines[side].note(shot)
 
 
-def first_shot(side: Side, camera: Camera, plan: Plan) -> Shot:
+def first_shot(plan: Plan, cameras: Mapping[Side, Camera], side: Side) -> Shot:
     """Wait until a camera delivers, and make sure that it is the rig's.
 
     Raises:
         PomologError: nothing comes, or pictures of another size.
     """
-    settings = plan.equipment.cameras[side]
+    settings, camera = plan.equipment.cameras[side], cameras[side]
     until_s = time.monotonic() + FIRST_SHOT_S
     size_px = plan.rig.camera(side).size_px
     while time.monotonic() < until_s:

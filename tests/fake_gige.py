@@ -68,6 +68,7 @@ def serve(address: str, lost_ratio: float) -> None:
 
     def fill(buffer: int, _: int, exposure_us: int, gain: int, pixel_format: int) -> None:  # noqa: ARG001  # the callback's signature
         nonlocal count
+        taken_ns = time.monotonic_ns()
         size = library.arv_fake_camera_get_payload(fake)
         if (size, exposure_us) not in ready:
             ready.clear()
@@ -75,7 +76,7 @@ def serve(address: str, lost_ratio: float) -> None:
         picture = ready[size, exposure_us][count % PICTURES]
         place = library.arv_buffer_get_data(buffer, None)
         ctypes.memmove(place, picture.ctypes.data, size)
-        ctypes.memmove(place, HEADER.pack(time.monotonic_ns(), count), HEADER.size)
+        ctypes.memmove(place, HEADER.pack(taken_ns, count), HEADER.size)
         count += 1
 
     callback = fill_type(fill)

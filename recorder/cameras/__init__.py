@@ -102,14 +102,10 @@ def stored_encoding(pixel_format: str, device: str) -> Encoding:
     return PIXEL_FORMATS[pixel_format]
 
 
-def arrival(driver_host_ns: int | None = None) -> tuple[int, int]:
-    """Wall and monotonic time of arrival.
+def arrival() -> tuple[int, int]:
+    """Wall and monotonic time of arrival: now.
 
-    Args:
-        driver_host_ns: the wall time at which the driver's own thread had the whole picture, which
-            is earlier than now by however long this thread had to wait for its turn.
+    Drivers stamp arrival by the wall clock, which may step at that very moment; the thread that
+    waits for the picture is late by a millisecond at times, which the clock's map forgives.
     """
-    host_ns, monotonic_ns = time.time_ns(), time.monotonic_ns()
-    if driver_host_ns is None or not 0 <= host_ns - driver_host_ns < 1_000_000_000:
-        return host_ns, monotonic_ns  # unknown, or the wall clock stepped in between
-    return driver_host_ns, monotonic_ns - (host_ns - driver_host_ns)
+    return time.time_ns(), time.monotonic_ns()

@@ -6,6 +6,7 @@ Aravis' typelib (Debian: gir1.2-aravis-0.8) and PyGObject.
 
 import time
 from contextlib import suppress
+from threading import Event
 from typing import Any, Final
 
 import cv2
@@ -43,6 +44,7 @@ class AravisCamera:
 
     def __init__(self, settings: CameraSettings) -> None:
         self._aravis = _library()
+        self._patience = Event()  # never set: waits that no stepping clock disturbs
         from gi.repository import GLib
 
         self._error: type[Exception] = GLib.Error
@@ -79,13 +81,13 @@ class AravisCamera:
                     f"camera {self._device} is in use by another program; close that first"
                 )
             del camera  # opened anew, because only then its heartbeat is kept up
-            time.sleep(0.3)
+            self._patience.wait(0.3)
 
     def _configure(self, settings: CameraSettings) -> None:
         camera = self._camera
         with suppress(self._error):  # a program that died left it running, its features locked
             camera.stop_acquisition()
-        time.sleep(SETTLE_S)
+        self._patience.wait(SETTLE_S)
         if settings.region_px is not None:
             camera.set_region(*settings.region_px)
         camera.set_pixel_format_from_string(settings.pixel_format)
@@ -133,7 +135,7 @@ class AravisCamera:
         buffer = self._stream.timeout_pop_buffer(round(timeout_s * 1e6))
         if buffer is None:
             return None
-        host_ns, monotonic_ns = arrival(buffer.get_system_timestamp())
+        host_ns, monotonic_ns = arrival()
         status = buffer.get_status()
         whole = status == self._aravis.BufferStatus.SUCCESS
         size_px = (buffer.get_image_width(), buffer.get_image_height()) if whole else (0, 0)
