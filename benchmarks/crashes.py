@@ -30,6 +30,7 @@ from tests.gige_scene import LEFT, RIG, RIGHT, start_camera
 
 EXT4_IOC_SHUTDOWN = 0x8004587D
 NO_LOG_FLUSH = 2
+FIRST_BYTES = 3_000_000  # the first pair is in the file
 
 
 @contextmanager
@@ -58,7 +59,8 @@ def start(rig: Path, out: Path) -> "subprocess.Popen[str]":
         stderr=subprocess.PIPE,
         text=True,
     )
-    while not (out / "row.mcap.part").exists():
+    part = out / "row.mcap.part"
+    while not part.exists() or part.stat().st_size < FIRST_BYTES:
         assert recorder.poll() is None, recorder.communicate()
         time.sleep(0.01)
     return recorder
