@@ -57,6 +57,8 @@ SAMPLES: Final = (
     Sample("exposure-front", 1),
     Sample("distance-indoor-clear", 6),
     Sample("matching-front", 1, "test"),
+    Sample("matching-back", 1, "test"),
+    Sample("matching-cloudy", 1, "test"),
     Sample("distance-outdoor-front", 2),
     Sample("distance-indoor-leaves", 3),
     Sample("distance-indoor-fruit", 2),
