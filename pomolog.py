@@ -27,6 +27,7 @@ COMMANDS: Final[dict[str, Command]] = {
     "salvage": Command("recorder.cli", "make a whole session of a torn one"),
     "replay": Command("processor.cli", "run the locator on sessions and keep every intermediate"),
     "methods": Command("processor.cli", "list the methods, or print one as TOML"),
+    "train": Command("processor.cli", "learn a model for method pomolog"),
     "score": Command("processor.cli", "hits, false positives, matches and distance errors"),
     "paper": Command("processor.cli", "every table and figure of the paper, beside ours"),
     "view": Command("viewer.cli", "open a run, or a session, in Rerun"),

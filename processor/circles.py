@@ -9,7 +9,17 @@ import numpy as np
 import numpy.typing as npt
 from annotated_types import Ge, Gt
 
-from processor.trace import CircleFinder, Circles, Cleaning, Floats, Fruit, Region, Seed
+from processor.fruit import FruitFinder
+from processor.trace import (
+    CircleFinder,
+    Circles,
+    Cleaning,
+    Floats,
+    Fruit,
+    Look,
+    Region,
+    Seed,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +46,12 @@ class RandomRing:
         if self.min_radius_px > self.max_radius_px:
             raise ValueError("min_radius_px is more than max_radius_px")
 
-    def __call__(self, cleaning: Cleaning, seed: Seed) -> Circles:
+    def __call__(
+        self,
+        cleaning: Cleaning,
+        seed: Seed,
+        look: Look | None = None,  # noqa: ARG002  # the paper's finder sees contours alone
+    ) -> Circles:
         """Fit at most one circle to each region; a region without a valid ring has no fruit."""
         contours = [region.contour_px for region in cleaning.regions]
         draws = np.random.default_rng(seed).random((len(contours), self.rounds, 3))
@@ -135,7 +150,12 @@ class HoughCircles:
         if self.min_radius_px > self.max_radius_px:
             raise ValueError("min_radius_px is more than max_radius_px")
 
-    def __call__(self, cleaning: Cleaning, seed: Seed) -> Circles:  # noqa: ARG002  # nothing random
+    def __call__(
+        self,
+        cleaning: Cleaning,
+        seed: Seed,  # noqa: ARG002  # nothing is random
+        look: Look | None = None,  # noqa: ARG002  # it sees regions alone
+    ) -> Circles:
         """Fit at most one circle to each region, the one with the most votes."""
         tried = [self._transform(region) for region in cleaning.regions]
         return _best_of_each(cleaning.regions, tried, counted=False)
@@ -178,4 +198,5 @@ def _best_of_each(
 CIRCLES: Final[dict[str, type[CircleFinder]]] = {
     "random_ring": RandomRing,
     "hough": HoughCircles,
+    "fruit_finder": FruitFinder,
 }

@@ -79,13 +79,16 @@ def methods(
     name: Annotated[str, typer.Argument(metavar="[NAME]", help="Print this one as TOML.")] = "",
 ) -> None:
     """List the named methods, or print one with all its parameters, to start your own from."""
-    from processor.methods import METHODS, load_method, to_toml
+    from processor.methods import METHODS, describe, load_method, to_toml
 
     if name:
         print(to_toml(*load_method(name)))
         return
     for known, locator in METHODS.items():
-        print(f"{known:18} {locator.recognise!r}, {locator.circles!r}, {locator.match!r}")
+        stages = describe(locator)
+        print(
+            f"{known:18} {', '.join(stages[s]['use'] for s in ('recognise', 'circles', 'match'))}"
+        )
 
 
 def _count_pairs(sessions: list[Path]) -> int:
@@ -156,3 +159,20 @@ def paper(
         state = f"not run: {item.not_run}" if item.not_run else item.summary
         print(f"{item.source}: {state}")
     print(f"the page: {out / 'paper.html'}")
+
+
+@app.command(epilog="Example: pomolog train train.mcap --boxes photographs -o mine.npz")
+def train(
+    sessions: Annotated[list[Path], typer.Argument(metavar="S...", help="Labelled sessions.")],
+    out: Annotated[Path, typer.Option("--out", "-o", help="The model to write (.npz).")],
+    boxes: Annotated[Path | None, typer.Option(help="Photographs: images/, labels/.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+) -> None:
+    """Learn a model for method `pomolog`; minutes. Use it with: [recognise] model = "mine.npz"."""
+    from processor.teach import teach
+
+    model = teach(sessions, boxes, out, lambda line: typer.echo(line, err=True))
+    if as_json:
+        print(json.dumps({"model": model.name, "out": str(out)}, indent=2))
+    else:
+        print(f"{out}, its provenance in {out.with_suffix('.json')}")

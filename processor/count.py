@@ -49,6 +49,7 @@ class AppleVerdict:
         found_right: the same in the right view.
         match: whether its circles were matched; None where it need not be.
         error_m: estimated minus true distance; None unless its own two circles were matched.
+        std_m: what the method says of that error; None where it says nothing.
     """
 
     apple_id: int
@@ -59,6 +60,7 @@ class AppleVerdict:
     found_right: bool
     match: Verdict | None
     error_m: float | None
+    std_m: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -299,6 +301,7 @@ def _verdicts(
                 error_m=None
                 if true is None or located is None
                 else _distance_m(located, true.truth_point) - true.distance_m,
+                std_m=None if true is None or located is None else _std_m(located, true.truth_point),
             )
         )
     return tuple(verdicts)
@@ -325,6 +328,10 @@ def _matched(
         else:
             wrong |= {i for i in ids if i is not None}
     return right_of, wrong
+
+
+def _std_m(apple: Apple, truth_point: str) -> float | None:
+    return apple.range_std_m if truth_point == "centre" else apple.surface_std_m
 
 
 def _distance_m(apple: Apple, truth_point: str) -> float:

@@ -10,6 +10,7 @@ from processor.recognise import ColourRatio
 from processor.trace import (
     CircleFinder,
     Cleaner,
+    Look,
     Matcher,
     Recogniser,
     Seed,
@@ -59,12 +60,13 @@ class Locator:
             watch.lap("recognise")
             cleaning = self.clean(recognition)
             watch.lap("clean")
-            circles = self.circles(cleaning, (*seed, number))
+            look = Look(picture, recognition, rectification)
+            circles = self.circles(cleaning, (*seed, number), look)
             watch.lap("circles")
             views.append(ViewTrace(picture, recognition, cleaning, circles))
-        matching = self.match(*views)
+        matching = self.match(views[0], views[1], rectification)
         watch.lap("match")
-        apples = self.triangulate(views[0].circles, views[1].circles, matching, rectification)
+        apples = self.triangulate(views[0], views[1], matching, rectification)
         watch.lap("triangulate")
         return Trace(views[0], views[1], matching, apples, watch.laps)
 

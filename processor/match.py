@@ -7,7 +7,9 @@ from typing import Annotated, Final
 import numpy as np
 from annotated_types import Ge
 
+from processor.assign import Assignment
 from processor.trace import Floats, Fruit, Mask, Matcher, Matching, ViewTrace
+from recorder.rectify import Rectification
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +32,12 @@ class AreaInOrder:
     in_order: bool = True
     reference_line: bool = True
 
-    def __call__(self, left: ViewTrace, right: ViewTrace) -> Matching:
+    def __call__(
+        self,
+        left: ViewTrace,
+        right: ViewTrace,
+        rectification: Rectification | None = None,  # noqa: ARG002  # the paper needs none
+    ) -> Matching:
         """Match the fruit of two rectified views; each fruit at most once."""
         reference_px, projections, correlation = None, np.empty((2, 0)), np.empty(0)
         if self.reference_line:
@@ -112,4 +119,7 @@ def _best_of_each(cost: Floats, limit: float) -> list[tuple[int, int]]:  # noqa:
     return sorted(taken)
 
 
-MATCH: Final[dict[str, type[Matcher]]] = {"area_in_order": AreaInOrder}
+MATCH: Final[dict[str, type[Matcher]]] = {
+    "area_in_order": AreaInOrder,
+    "assignment": Assignment,
+}

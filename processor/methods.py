@@ -4,16 +4,21 @@ import json
 import math
 import tomllib
 from collections.abc import Mapping
-from dataclasses import asdict, fields, replace
+from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, get_type_hints
 
 from pydantic import TypeAdapter, ValidationError
 
+from processor.assign import Assignment, MatchModel
 from processor.circles import CIRCLES, HoughCircles
-from processor.clean import CLEAN
+from processor.clean import CLEAN, SizeFloor
+from processor.colour_table import ColourModel, ColourTable
+from processor.fruit import FruitFinder, FruitModel
 from processor.locate import Locator
 from processor.match import MATCH, AreaInOrder
+from processor.model_file import Model, load_model, model_digest
+from processor.ranging import OutlineRange, RangeModel
 from processor.recognise import RECOGNISE, ColourRatio, RedMinusLuma, TwoRedMinusGreenBlue
 from processor.triangulate import TRIANGULATE
 from recorder.errors import PomologError
@@ -27,8 +32,30 @@ STAGES: Final[dict[str, Mapping[str, type[Any]]]] = {
     "triangulate": TRIANGULATE,
 }
 
+# what a stage learned -> the part of a model that has it
+MODEL_PARTS: Final[dict[Any, str]] = {
+    ColourModel: "colours",
+    FruitModel: "fruit",
+    MatchModel: "match",
+    RangeModel: "range",
+}
+DEFAULT_MODEL: Final = "pomolog-1"
+
+
+def learned(model: Model) -> Locator:
+    """Method `pomolog` with that model."""
+    return Locator(
+        recognise=ColourTable(model.colours),
+        clean=SizeFloor(),
+        circles=FruitFinder(model.fruit),
+        match=Assignment(model.match),
+        triangulate=OutlineRange(model.range),
+    )
+
+
 METHODS: Final[dict[str, Locator]] = {
     "paper": Locator(),
+    "pomolog": learned(load_model(DEFAULT_MODEL)),
     "paper-signed": Locator(recognise=ColourRatio("signed")),
     "paper-difference": Locator(recognise=ColourRatio("difference")),
     "paper-absolute": Locator(recognise=ColourRatio("absolute")),
@@ -98,19 +125,38 @@ def _alternative(
         raise PomologError(f"[{stage}] use = {use!r}; there are {', '.join(alternatives)}")
     kind = alternatives[use]
     given = {key: value for key, value in table.items() if key != "use"}
-    known = [field.name for field in fields(kind)]
+    hints = get_type_hints(kind, include_extras=True)
     for key, value in given.items():
-        if key not in known:
-            raise PomologError(f"[{stage}] {use} has no {key!r}; it has {', '.join(known)}")
+        if key not in hints:
+            raise PomologError(f"[{stage}] {use} has no {key!r}; it has {', '.join(hints)}")
         if isinstance(value, float) and not math.isfinite(value):
             raise PomologError(f"[{stage}] {key}: {value} is no number to work with")
-    start = asdict(current) if isinstance(current, kind) else {}
+    values = {key: _value(f"[{stage}] {key}", hints[key], value) for key, value in given.items()}
+    models = {key: _part(DEFAULT_MODEL, hint) for key, hint in hints.items() if hint in MODEL_PARTS}
     try:
-        return TypeAdapter(kind).validate_python({**start, **given})
+        if isinstance(current, kind):
+            return replace(current, **values)
+        return kind(**{**models, **values})
+    except ValueError as error:  # values that do not go together
+        raise PomologError(f"[{stage}] {error}") from None
+
+
+def _value(place: str, hint: Any, value: Any) -> Any:
+    """A parameter of a stage, checked; a model is named, or is the path of a .npz."""
+    if hint in MODEL_PARTS:
+        if not isinstance(value, str):
+            raise PomologError(f"{place}: give the name or the .npz of a model")
+        return _part(value, hint)
+    try:
+        return TypeAdapter(hint).validate_python(value)
     except ValidationError as error:
         first = error.errors()[0]
-        place = ".".join(map(str, first["loc"]))
-        raise PomologError(f"[{stage}] {place}: {first['msg']}") from None
+        inner = ".".join(map(str, first["loc"]))
+        raise PomologError(f"{place}{'.' if inner else ''}{inner}: {first['msg']}") from None
+
+
+def _part(choice: str, hint: Any) -> Any:
+    return getattr(load_model(choice), MODEL_PARTS[hint])
 
 
 def _name_of(alternatives: Mapping[str, type[Any]], chosen: Any) -> str:
@@ -118,17 +164,29 @@ def _name_of(alternatives: Mapping[str, type[Any]], chosen: Any) -> str:
 
 
 def describe(locator: Locator) -> dict[str, dict[str, Any]]:
-    """Every stage's alternative and every parameter, ready for JSON.
-
-    A file in TOML, which has no null, leaves out the parameters that are None.
-    """
+    """Every stage's alternative and every parameter, ready for JSON; a model by its name."""
     return {
         stage: {
             "use": _name_of(alternatives, getattr(locator, stage)),
-            **asdict(getattr(locator, stage)),
+            **_plain(getattr(locator, stage)),
         }
         for stage, alternatives in STAGES.items()
     }
+
+
+def _plain(value: Any) -> Any:
+    if type(value) in MODEL_PARTS:
+        return value.name
+    if is_dataclass(value):
+        return {field.name: _plain(getattr(value, field.name)) for field in fields(value)}
+    return value
+
+
+def models_of(locator: Locator) -> dict[str, str]:
+    """The models that a locator uses, each with a hash of what it learned."""
+    stages = [getattr(locator, stage) for stage in STAGES]
+    names = {stage.model.name for stage in stages if hasattr(stage, "model")}
+    return {name: model_digest(name) for name in sorted(names)}
 
 
 def to_toml(name: str, locator: Locator) -> str:
@@ -136,8 +194,12 @@ def to_toml(name: str, locator: Locator) -> str:
     lines = [f"# {name}; every parameter with its value"]
     for stage, table in describe(locator).items():
         lines += ["", f"[{stage}]"]
-        # a JSON string, number or truth value is a TOML one
-        lines += [
-            f"{key} = {json.dumps(value)}" for key, value in table.items() if value is not None
-        ]
+        lines += [f"{key} = {_toml(value)}" for key, value in table.items() if value is not None]
     return "\n".join(lines)
+
+
+def _toml(value: Any) -> str:
+    """A JSON string, number, list or truth value is a TOML one; a table is not."""
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{key} = {_toml(entry)}" for key, entry in value.items()) + " }"
+    return json.dumps(value)

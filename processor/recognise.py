@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from processor.colour_table import ColourTable
 from processor.trace import Mask, Recogniser, Recognition
 from recorder.records import Picture
 
@@ -97,4 +98,5 @@ RECOGNISE: Final[dict[str, type[Recogniser]]] = {
     "colour_ratio": ColourRatio,
     "two_red_minus_green_blue": TwoRedMinusGreenBlue,
     "red_minus_luma": RedMinusLuma,
+    "colour_table": ColourTable,
 }

@@ -28,7 +28,7 @@ import cv2
 
 from processor.count import count_frame
 from processor.locate import Locator
-from processor.methods import describe
+from processor.methods import describe, models_of
 from processor.results import TABLES, Rows, join_tables, read_table, rows_of, write_tables
 from recorder.errors import PomologError
 from recorder.files import only_writer, replacing, writable
@@ -226,6 +226,7 @@ def _description(
         "profile": RESULTS_PROFILE,
         "method": method,
         "locator": describe(locator),
+        "models": models_of(locator),
         "seed": seed,
         "rrd": rrd,
         "session": {

@@ -20,6 +20,7 @@ STAGES: Final = (
 _KEY: Final = [("session", pa.string()), ("frame", pa.int32()), ("time_ns", pa.int64())]
 _COUNTED: Final = ("pixels", "pixels_cleaned", "fruit")
 _F64: Final = pa.float64()
+_AXES: Final = ("xx", "xy", "xz", "yy", "yz", "zz")
 
 # A row a located apple; null where there is none: an unmatched fruit has no range. Pixels are in
 # the recorded picture, metres in the left camera's optical frame.
@@ -35,6 +36,11 @@ APPLES: Final = pa.schema(
         ("radius_m", _F64),
         ("surface_range_m", _F64),
         ("confidence", _F64),
+        ("range_std_m", _F64),  # of the centre's distance; 1.96 of it is a 95 % interval
+        ("surface_std_m", _F64),
+        ("radius_std_m", _F64),
+        *((f"cov_{axes}_m2", _F64) for axes in _AXES),  # of the centre
+        *((f"{side}_confidence", _F64) for side in _SIDES),
         *((f"{side}_{what}", pa.int32()) for side in SIDES for what in ("inliers", "area_px")),
         *((f"{side}_truth", pa.int64()) for side in SIDES),
         ("match_cost", _F64),
@@ -68,6 +74,7 @@ TRUTH: Final = pa.schema(
         ("found_right", pa.bool_()),
         ("match", pa.string()),
         ("error_m", _F64),
+        ("std_m", _F64),
     ]
 )
 TABLES: Final[dict[str, pa.Schema]] = {"apples": APPLES, "frames": FRAMES, "truth": TRUTH}
@@ -112,6 +119,7 @@ def rows_of(
             "found_right": v.found_right,
             "match": v.match,
             "error_m": v.error_m,
+            "std_m": v.std_m,
         }
         for v in counts.apples
     ]
@@ -149,10 +157,16 @@ def _apple_rows(
             "radius_m": apple.radius_m,
             "surface_range_m": apple.surface_range_m,
             "confidence": apple.confidence,
+            "range_std_m": apple.range_std_m,
+            "surface_std_m": apple.surface_std_m,
+            "radius_std_m": apple.radius_std_m,
             "match_cost": costs.get((apple.left, apple.right)),
         }
         if apple.centre_m is not None:
             row.update(zip(("x_m", "y_m", "z_m"), apple.centre_m, strict=True))
+        if apple.covariance_m2 is not None:
+            names = (f"cov_{axes}_m2" for axes in _AXES)
+            row.update(zip(names, apple.covariance_m2, strict=True))
         for side, place in (("left", apple.left), ("right", apple.right)):
             if place is None:
                 continue
@@ -160,6 +174,7 @@ def _apple_rows(
             row.update({f"{side}_x_px": x, f"{side}_y_px": y, f"{side}_radius_px": radius})
             row[f"{side}_inliers"] = fruit[side].fruit[place].inliers
             row[f"{side}_area_px"] = fruit[side].fruit[place].area_px
+            row[f"{side}_confidence"] = fruit[side].fruit[place].confidence
             row[f"{side}_truth"] = truths[side][place] if truths[side] else None
         rows.append(row)
     return rows

@@ -11,6 +11,7 @@ Interval = tuple[float, float]
 
 # (name, least, below): fruit by how much of it the worse of the two views sees, and by distance
 VISIBILITY: Final = (("10-50%", 0.1, 0.5), ("50-90%", 0.5, 0.9), ("90-100%", 0.9, np.inf))
+FRUIT_VISIBILITY: Final = (("10-50%", 0.1, 0.5), ("50-100%", 0.5, np.inf))
 RANGES_M: Final = (
     ("below 0.4 m", 0.0, 0.4), ("0.4-0.7 m", 0.4, 0.7), ("0.7-1.0 m", 0.7, 1.0),
     ("1.0-1.5 m", 1.0, 1.5), ("above 1.5 m", 1.5, np.inf),
@@ -152,6 +153,8 @@ class FruitRow:
     visible: float | None  # in the worse of the two views
     match: str | None
     error_m: float | None
+    std_m: float | None = None  # what the method says of the error
+    views: tuple[tuple[float | None, bool], ...] = ()  # each view's visible fraction; found there?
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,6 +170,8 @@ class Score:
     distance_m_by_visibility: dict[str, Errors | None]
     distance_m_by_range: dict[str, Errors | None]
     time_ms: dict[str, float]
+    fruit_by_visibility: dict[str, Detection | None]  # false ones count in every class
+    covered95: dict[str, float | None]  # share of errors within 1.96 standard deviations
 
 
 @dataclass(frozen=True, slots=True)
@@ -198,7 +203,36 @@ def score(frames: Sequence[FrameRow], fruit: Sequence[FruitRow]) -> Score:
             for name, least, below in RANGES_M
         },
         time_ms=_medians_ms(frames),
+        fruit_by_visibility={
+            name: _found_of(frames, fruit, least, below) for name, least, below in FRUIT_VISIBILITY
+        },
+        covered95={
+            name: _covered([f for f in located if _within(f.visible, least, below)])
+            for name, least, below in (("all", 0.0, np.inf), *VISIBILITY)
+        },
     )
+
+
+def _found_of(
+    frames: Sequence[FrameRow], fruit: Sequence[FruitRow], least: float, below: float
+) -> Detection | None:
+    """Fruit found by how much a view sees of them, in that view itself."""
+    hits = [found for f in fruit for seen, found in f.views if _within(seen, least, below)]
+    counted = [f.fruit for f in frames if f.fruit is not None]
+    if not hits or not counted:
+        return None
+    known = [c[1] for c in counted if c[1] is not None]
+    fp = sum(known) if len(known) == len(counted) else None
+    return detection([(sum(hits), fp, len(hits) - sum(hits))])
+
+
+def _covered(fruit: Iterable[FruitRow]) -> float | None:
+    within = [
+        abs(f.error_m) <= 1.96 * f.std_m
+        for f in fruit
+        if f.error_m is not None and f.std_m is not None
+    ]
+    return _share(sum(within), len(within))
 
 
 def _errors_of(fruit: Iterable[FruitRow]) -> Errors | None:

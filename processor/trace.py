@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 
@@ -30,10 +31,18 @@ class Recognition:
     Attributes:
         index: (H, W) uint8, the colour index as a picture: brighter is more like fruit.
         mask: where the rule says "fruit".
+        calibrated: the index is 255 times a probability, 128 at the mask's edge.
     """
 
     index: npt.NDArray[np.uint8]
     mask: Mask
+    calibrated: bool = False
+
+    def evidence(self) -> npt.NDArray[np.uint8]:
+        """(H, W) uint8, 128 at the edge of fruit: the index if it is that, or the smoothed mask."""
+        if self.calibrated:
+            return self.index
+        return np.asarray(cv2.blur(self.mask, (3, 3)), np.uint8)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -70,6 +79,8 @@ class Fruit:
     inliers: int | None  # contour points on its ring; None where the finder does not say
     area_px: int  # of its region
     box_px: tuple[int, int, int, int]  # of its region
+    confidence: float | None = None  # that it is a fruit; None where the finder has none to give
+    covariance_px2: tuple[float, ...] | None = None  # xx xy xr yy yr rr; None likewise
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -87,6 +98,15 @@ class Circles:
     def as_array(self) -> Floats:
         """The fruit as (N, 3) x, y, radius."""
         return np.array([(f.x_px, f.y_px, f.radius_px) for f in self.fruit]).reshape(-1, 3)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Look:
+    """What regions come from, and the rig, which says how large fruit are."""
+
+    picture: Picture  # rectified
+    recognition: Recognition
+    rectification: Rectification
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -131,6 +151,10 @@ class Apple:
     radius_m: float | None = None
     surface_range_m: float | None = None  # from the left camera to the fruit's front
     confidence: float | None = None  # in [0, 1]; None where the method has none to give
+    covariance_m2: tuple[float, ...] | None = None  # of the centre: xx xy xz yy yz zz
+    radius_std_m: float | None = None
+    range_std_m: float | None = None  # of the centre's distance; 1.96 of it is a 95 % interval
+    surface_std_m: float | None = None  # of surface_range_m
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -165,20 +189,22 @@ class Cleaner(Protocol):
 
 
 class CircleFinder(Protocol):
-    """Regions -> circles."""
+    """Regions -> circles; where it wants to, with a look at what they come from."""
 
-    def __call__(self, cleaning: Cleaning, seed: Seed) -> Circles: ...
+    def __call__(self, cleaning: Cleaning, seed: Seed, look: Look) -> Circles: ...
 
 
 class Matcher(Protocol):
     """Two views -> which fruit is which."""
 
-    def __call__(self, left: ViewTrace, right: ViewTrace) -> Matching: ...
+    def __call__(
+        self, left: ViewTrace, right: ViewTrace, rectification: Rectification
+    ) -> Matching: ...
 
 
 class Triangulator(Protocol):
     """Matched fruit -> apples in space, lone fruit among them."""
 
     def __call__(
-        self, left: Circles, right: Circles, matching: Matching, rectification: Rectification
+        self, left: ViewTrace, right: ViewTrace, matching: Matching, rectification: Rectification
     ) -> tuple[Apple, ...]: ...

@@ -7,7 +7,8 @@ from typing import Annotated, Final
 import numpy as np
 from annotated_types import Ge
 
-from processor.trace import Apple, Circles, Fruit, Matching, Triangulator
+from processor.ranging import OutlineRange
+from processor.trace import Apple, Fruit, Matching, Triangulator, ViewTrace
 from recorder.rectify import Rectification
 
 
@@ -25,14 +26,15 @@ class Parallel:
     min_disparity_px: Annotated[float, Ge(0)] = 1.0
 
     def __call__(
-        self, left: Circles, right: Circles, matching: Matching, rectification: Rectification
+        self, left: ViewTrace, right: ViewTrace, matching: Matching, rectification: Rectification
     ) -> tuple[Apple, ...]:
         """Place every match; fruit alone, or in an impossible match, follow without a place."""
         apples = []
-        alone_left = set(range(len(left.fruit)))
-        alone_right = set(range(len(right.fruit)))
+        lefts, rights = left.circles.fruit, right.circles.fruit
+        alone_left = set(range(len(lefts)))
+        alone_right = set(range(len(rights)))
         for i, j in matching.pairs.tolist():
-            apple = self._place(i, j, left.fruit[i], right.fruit[j], rectification)
+            apple = self._place(i, j, lefts[i], rights[j], rectification)
             if apple is not None:
                 alone_left.remove(i)
                 alone_right.remove(j)
@@ -63,4 +65,7 @@ class Parallel:
         )
 
 
-TRIANGULATE: Final[dict[str, type[Triangulator]]] = {"parallel": Parallel}
+TRIANGULATE: Final[dict[str, type[Triangulator]]] = {
+    "parallel": Parallel,
+    "outline_range": OutlineRange,
+}

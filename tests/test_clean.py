@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy import ndimage
 
-from processor.clean import AreaRule, Order
+from processor.clean import AreaRule, Order, SizeFloor
 from processor.trace import Mask
 from tests.scenes import disc_mask, recognised
 
@@ -170,3 +170,23 @@ def test_cleaning_leaves_the_recognised_mask_as_it_is() -> None:
     before = mask.copy()
     AreaRule()(recognised(mask))
     np.testing.assert_array_equal(mask, before)
+
+
+def test_the_size_floor_keeps_a_small_region_beside_a_large_one_and_drops_specks() -> None:
+    mask = disc_mask((100, 100, 60), (250, 60, 8), (250, 160, 2), size_px=(320, 240))
+    found = SizeFloor()(recognised(mask))
+    assert len(found.regions) == 2
+    assert not found.mask[158:163, 248:253].any()
+    assert {region.area_px for region in found.regions} == {
+        int((disc_mask(disc, size_px=(320, 240)) > 0).sum())
+        for disc in ((100, 100, 60), (250, 60, 8))
+    }
+
+
+def test_the_size_floor_keeps_a_leafs_hole_and_fills_a_highlight() -> None:
+    mask = disc_mask((100, 100, 60), size_px=(320, 240))
+    mask[90:110, 90:110] = 0
+    mask[70:74, 70:74] = 0
+    found = SizeFloor()(recognised(mask)).mask
+    assert not found[95:105, 95:105].any()
+    assert found[70:74, 70:74].all()

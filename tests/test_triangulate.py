@@ -10,7 +10,7 @@ from processor.trace import Apple, Fruit
 from processor.triangulate import Parallel
 from recorder.rectify import Rectification, rectify
 from recorder.rig import Camera, Rig
-from tests.scenes import circles, fruit, matching, small_rig
+from tests.scenes import fruit, matching, small_rig, view
 
 Point = tuple[float, float, float]
 
@@ -27,7 +27,7 @@ def seen(point: Point, radius_m: float, parallel: Rectification) -> tuple[Fruit,
 def placed(point: Point, rig: Rig, radius_m: float = 0.04) -> Apple:
     parallel = rectify(rig)
     left, right = seen(point, radius_m, parallel)
-    (one,) = Parallel()(circles(left), circles(right), matching((0, 0)), parallel)
+    (one,) = Parallel()(view(left), view(right), matching((0, 0)), parallel)
     return one
 
 
@@ -54,7 +54,7 @@ def test_a_known_place_is_found_again(point: Point, rig: Rig) -> None:
 
 
 def test_the_depth_is_focal_length_times_baseline_over_disparity() -> None:
-    left, right = circles(fruit(200, 120)), circles(fruit(140, 120))
+    left, right = view(fruit(200, 120)), view(fruit(140, 120))
     (one,) = Parallel()(left, right, matching((0, 0)), rectify(small_rig()))
     assert one.disparity_px == pytest.approx(60)
     assert one.centre_m is not None
@@ -63,7 +63,7 @@ def test_the_depth_is_focal_length_times_baseline_over_disparity() -> None:
 
 @pytest.mark.parametrize(("right_x_px", "is_placed"), [(199, True), (199.5, False), (205, False)])
 def test_a_match_of_no_positive_disparity_is_no_apple(right_x_px: float, is_placed: bool) -> None:
-    left, right = circles(fruit(200)), circles(fruit(right_x_px))
+    left, right = view(fruit(200)), view(fruit(right_x_px))
     found = Parallel()(left, right, matching((0, 0)), rectify(small_rig()))
     if is_placed:
         assert [(a.left, a.right) for a in found] == [(0, 0)]
@@ -72,14 +72,14 @@ def test_a_match_of_no_positive_disparity_is_no_apple(right_x_px: float, is_plac
 
 
 def test_a_match_at_infinity_is_no_apple_even_where_any_disparity_will_do() -> None:
-    same = circles(fruit(200))
+    same = view(fruit(200))
     found = Parallel(min_disparity_px=0.0)(same, same, matching((0, 0)), rectify(small_rig()))
     assert found == (Apple(0, None), Apple(None, 0))
 
 
 def test_fruit_alone_follow_the_matched_without_a_place() -> None:
-    left = circles(fruit(150), fruit(200), fruit(250))
-    right = circles(fruit(100), fruit(130))
+    left = view(fruit(150), fruit(200), fruit(250))
+    right = view(fruit(100), fruit(130))
     found = Parallel()(left, right, matching((1, 1)), rectify(small_rig()))
     assert [(a.left, a.right) for a in found] == [(1, 1), (0, None), (2, None), (None, 0)]
     assert all(a.centre_m is None and a.disparity_px is None for a in found[1:])
@@ -101,7 +101,7 @@ def test_the_middles_of_two_outlines_meet_r_squared_over_z_before_the_centre(
     parallel = rectify(rig)
     middle = parallel.left.matrix[0, 2]
     left, right = (
-        circles(fruit(middle + outline_middle_px(x, z_m, radius_m, 400.0)))
+        view(fruit(middle + outline_middle_px(x, z_m, radius_m, 400.0)))
         for x in (x_m, x_m - rig.baseline_m)
     )
     (one,) = Parallel()(left, right, matching((0, 0)), parallel)

@@ -1,0 +1,209 @@
+"""Fruit from regions: circles from pairs of edge points, ranked, refined, and chosen one by one."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final, cast
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from processor.candidates import Contour, Pairs, vote
+from processor.evidence import Claims, Evidence, gather
+from processor.net import Floats32, Net
+from processor.rims import Outlines, fit_outlines
+from processor.trace import Circles, Cleaning, Floats, Fruit, Look, Seed
+from recorder.rectify import Rectification
+
+Bytes = npt.NDArray[np.uint8]
+
+SHORTEST_CONTOUR_PX: Final = 24
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FruitModel:
+    """What was learned of circles, by `pomolog train`.
+
+    Attributes:
+        name: the model's file, without its ending.
+        quality: measures of a circle alone -> how well it fits a fruit.
+        choice: the same and what better circles leave of it -> the probability that it is a fruit
+            that no better circle is.
+    """
+
+    name: str
+    quality: Net
+    choice: Net
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Proposals:
+    """Circles that may be fruit, best first.
+
+    Attributes:
+        circles: (N, 3) x, y, radius, refined.
+        outlines: their fit.
+        evidence: what speaks for them.
+        quality: (N,) by the first network.
+        tried: (T, 4) every circle that was voted for, with its quality before refinement.
+    """
+
+    circles: Floats
+    outlines: Outlines
+    evidence: Evidence
+    quality: Floats32
+    tried: Floats
+
+
+@dataclass(frozen=True, slots=True)
+class FruitFinder:
+    """As many circles a region as there is evidence for, each with a confidence and a covariance.
+
+    Attributes:
+        model: both networks.
+        pairs: makes the candidates.
+        least_radius_m: of a fruit; with the rig and the range it gives the window in pixels.
+        largest_radius_m: of a fruit.
+        nearest_m: of fruit to be found.
+        furthest_m: of fruit to be found; what is beyond belongs to the next row.
+        voted: candidates that are looked at.
+        least_quality: candidates that are refined.
+        same: two candidates are one where centres and radii differ by less, in radii.
+        refined: candidates that are refined at most.
+        least_confidence: of fruit that are reported.
+    """
+
+    model: FruitModel
+    pairs: Pairs = Pairs()
+    least_radius_m: float = 0.028  # a small Gala
+    largest_radius_m: float = 0.052  # a large Fuji
+    nearest_m: float = 0.38  # the paper's 400 mm, to the front
+    furthest_m: float = 1.9  # beyond a row's depth
+    voted: int = 400
+    least_quality: float = 0.2
+    same: float = 0.25
+    refined: int = 120
+    least_confidence: float = 0.5
+
+    def __call__(self, cleaning: Cleaning, seed: Seed, look: Look) -> Circles:
+        """Find fruit; each belongs to the region that has most of its circle's box."""
+        proposals = self.propose(cleaning, seed, look)
+        confidence = choose(proposals, self.model.choice, self.least_confidence)
+        chosen = np.flatnonzero(confidence >= self.least_confidence)
+        owners = _owners(cleaning, proposals.circles[chosen])
+        fruit = []
+        for place, region in zip(chosen.tolist(), owners, strict=True):
+            x, y, radius = proposals.circles[place].tolist()
+            owner = cleaning.regions[region]
+            fruit.append(
+                Fruit(
+                    region, x, y, radius,
+                    inliers=int(proposals.evidence.own_edge[place].sum()),
+                    area_px=owner.area_px,
+                    box_px=owner.box_px,
+                    confidence=float(confidence[place]),
+                    covariance_px2=_triangle(proposals.outlines.covariance[place]),
+                )
+            )  # fmt: skip
+        tried = np.column_stack([np.zeros(len(proposals.tried)), proposals.tried])
+        return Circles(tuple(fruit), tried.astype(np.float32))
+
+    def radii_px(self, rectification: Rectification) -> tuple[float, float]:
+        """The window of radii for this rig."""
+        focal_px = rectification.focal_px
+        return (
+            focal_px * self.least_radius_m / self.furthest_m,
+            focal_px * self.largest_radius_m / self.nearest_m,
+        )
+
+    def propose(self, cleaning: Cleaning, seed: Seed, look: Look) -> Proposals:
+        """Make, rank and refine candidates."""
+        index = look.recognition.evidence()
+        grey = cast("Bytes", cv2.cvtColor(look.picture, cv2.COLOR_BGR2GRAY))
+        window = self.radii_px(look.rectification)
+        rng = np.random.default_rng(seed)
+        voted = vote(self.pairs(index, _contours(cleaning), window, rng), self.voted)
+        quality = self.model.quality(gather(index, grey, voted).measures)
+        kept = self._distinct(voted, quality)
+        outlines = fit_outlines(index, voted[kept])
+        circles = outlines.circles
+        circles[:, 2] = np.clip(circles[:, 2], *window)
+        evidence = gather(index, grey, circles)
+        again = self.model.quality(evidence.measures)
+        order = np.argsort(-again, kind="stable")
+        return Proposals(
+            circles[order],
+            Outlines(circles[order], outlines.covariance[order], outlines.rim[order]),
+            Evidence(*(getattr(evidence, f)[order] for f in Evidence.__slots__)),
+            again[order],
+            np.column_stack([voted, quality]),
+        )
+
+    def _distinct(self, circles: Floats, quality: Floats32) -> npt.NDArray[np.intp]:
+        """Places of candidates good enough to be refined, without near copies of better ones."""
+        order = np.argsort(-quality, kind="stable")
+        order = order[quality[order] >= self.least_quality]
+        if len(order) == 0:
+            return order
+        x, y, radius = circles[order].T
+        away = np.hypot(x[:, None] - x, y[:, None] - y) + np.abs(radius[:, None] - radius)
+        same = away < self.same * np.minimum(radius[:, None], radius)
+        taken: list[int] = []
+        free = np.ones(len(order), bool)
+        for place in range(len(order)):
+            if free[place]:
+                taken.append(place)
+                free &= ~same[place]
+        return order[taken[: self.refined]]
+
+
+def choose(proposals: Proposals, net: Net, least_confidence: float) -> Floats32:
+    """Take proposals best first; each must be worth it with what better ones left of it.
+
+    Those that overlap no better one that is still undecided are decided together.
+
+    Returns:
+        (N,) confidence; a proposal that was passed over keeps what it had then.
+    """
+    count = len(proposals.circles)
+    confidence = np.zeros(count, np.float32)
+    if count == 0:
+        return confidence
+    claims = Claims.none(proposals.circles, proposals.evidence)
+    rival = np.tril(claims.within + claims.within.T > 0.02, -1)  # a better one that overlaps
+    undecided = np.ones(count, bool)
+    while undecided.any():
+        now = np.flatnonzero(undecided & ~(rival & undecided[None, :]).any(1))
+        confidence[now] = net(claims.measures(now, proposals.quality))
+        claims.accept(now[confidence[now] >= least_confidence])
+        undecided[now] = False
+    return confidence
+
+
+def _contours(cleaning: Cleaning) -> list[Contour]:
+    """All boundaries of the cleaned mask, those of holes too: a leaf before an apple makes one."""
+    contours, _ = cv2.findContours(cleaning.mask, cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
+    return [
+        cast("Contour", contour[:, 0]) for contour in contours if len(contour) > SHORTEST_CONTOUR_PX
+    ]
+
+
+def _owners(cleaning: Cleaning, circles: Floats) -> list[int]:
+    """For each circle the region whose box has most of it."""
+    boxes = np.array([region.box_px for region in cleaning.regions], float).reshape(-1, 4)
+    owners = []
+    for x, y, radius in circles.tolist():
+        width = np.minimum(boxes[:, 0] + boxes[:, 2], x + radius) - np.maximum(
+            boxes[:, 0], x - radius
+        )
+        height = np.minimum(boxes[:, 1] + boxes[:, 3], y + radius) - np.maximum(
+            boxes[:, 1], y - radius
+        )
+        owners.append(int(np.argmax(np.maximum(width, 0) * np.maximum(height, 0))))
+    return owners
+
+
+def _triangle(matrix: Floats) -> tuple[float, ...]:
+    """The upper triangle of a symmetric matrix, row by row."""
+    rows: Sequence[Sequence[float]] = matrix.tolist()
+    return tuple(value for number, row in enumerate(rows) for value in row[number:])

@@ -1,0 +1,110 @@
+"""A model on the disk: an .npz of tables and weights, and a .json that says its provenance."""
+
+import hashlib
+import json
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from processor.assign import MatchModel
+from processor.colour_table import ENTRIES, ColourModel
+from processor.fruit import FruitModel
+from processor.net import Net
+from processor.ranging import RangeModel
+from recorder.errors import PomologError
+from recorder.files import replacing
+
+FOLDER: Final = Path(__file__).parent / "models"
+_PROFILE: Final = "pomolog-model/1"
+_NETS: Final = ("quality", "choice", "pair")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Model:
+    """Everything that method `pomolog` learned."""
+
+    name: str
+    colours: ColourModel
+    fruit: FruitModel
+    match: MatchModel
+    range: RangeModel
+
+
+def save_model(model: Model, path: Path, provenance: dict[str, Any]) -> None:
+    """Write `path` (.npz), and beside it a .json with where the model comes from.
+
+    Raises:
+        PomologError: the files cannot be written.
+    """
+    arrays: dict[str, Any] = {
+        "profile": np.array(_PROFILE),
+        "colour": model.colours.colour,
+        "context": model.colours.context,
+        "radius_scale": np.array(model.range.radius_scale),
+        "spread": np.array(model.range.spread),
+    }
+    nets = (model.fruit.quality, model.fruit.choice, model.match.pair)
+    for name, net in zip(_NETS, nets, strict=True):
+        arrays |= {f"{name}.mean": net.mean, f"{name}.scale": net.scale}
+        for number, (weight, bias) in enumerate(zip(net.weights, net.biases, strict=True)):
+            arrays |= {f"{name}.weight{number}": weight, f"{name}.bias{number}": bias}
+    with replacing(path) as part, part.open("wb") as stream:
+        np.savez_compressed(stream, **arrays)
+    with replacing(path.with_suffix(".json")) as part:
+        part.write_text(json.dumps({"model": model.name, **provenance}, indent=2) + "\n")
+
+
+@cache
+def load_model(choice: str) -> Model:
+    """A model by the name it ships under, or by the path of a .npz.
+
+    Raises:
+        PomologError: there is none, or it is damaged.
+    """
+    path = _path(choice)
+    if not path.is_file():
+        names = ", ".join(sorted(p.stem for p in FOLDER.glob("*.npz")))
+        raise PomologError(f"no model {choice!r}; there are {names}, or give a .npz: pomolog train")
+    try:
+        with np.load(path, allow_pickle=False) as arrays:
+            return _model(choice, dict(arrays))
+    except (OSError, ValueError, KeyError, EOFError) as error:
+        raise PomologError(f"{path} is no model ({error}); make one with: pomolog train") from None
+
+
+def model_digest(choice: str) -> str:
+    """A short hash of a model's file, which results depend on."""
+    return hashlib.sha256(_path(choice).read_bytes()).hexdigest()[:12]
+
+
+def _path(choice: str) -> Path:
+    return Path(choice) if choice.endswith(".npz") else FOLDER / f"{choice}.npz"
+
+
+def _model(name: str, arrays: dict[str, Any]) -> Model:
+    if str(arrays["profile"]) != _PROFILE:
+        raise ValueError(f"profile {arrays['profile']}, not {_PROFILE}")
+    for table in ("colour", "context"):
+        if arrays[table].shape != (ENTRIES,) or arrays[table].dtype != np.uint8:
+            raise ValueError(f"table {table} is not {ENTRIES} bytes")
+    quality, choice, pair = (_net(part, arrays) for part in _NETS)
+    spread = tuple(float(w) for w in arrays["spread"])
+    return Model(
+        name,
+        ColourModel(name, arrays["colour"], arrays["context"]),
+        FruitModel(name, quality, choice),
+        MatchModel(name, pair),
+        RangeModel(name, float(arrays["radius_scale"]), spread),
+    )
+
+
+def _net(name: str, arrays: dict[str, Any]) -> Net:
+    layers = range(sum(key.startswith(f"{name}.weight") for key in arrays))
+    return Net(
+        arrays[f"{name}.mean"], arrays[f"{name}.scale"],
+        tuple(arrays[f"{name}.weight{n}"] for n in layers),
+        tuple(arrays[f"{name}.bias{n}"] for n in layers),
+    )  # fmt: skip

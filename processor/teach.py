@@ -1,0 +1,69 @@
+"""Train a whole model from sessions and boxes, and say where it comes from."""
+
+from collections.abc import Callable, Sequence
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from processor.clean import SizeFloor
+from processor.lessons import Lesson, boxed, lesson_pairs
+from processor.model_file import Model, save_model
+from processor.train import learn_colours, learn_fruit
+from processor.train_pairs import learn_matches, learn_range, see
+from recorder.errors import PomologError
+from recorder.session import Session
+
+Say = Callable[[str], None]
+
+
+def teach(
+    sessions: Sequence[Path], boxes: Path | None, out: Path, say: Say = lambda _: None
+) -> Model:
+    """Learn from the labelled pairs of sessions, and from the training half of boxed photographs.
+
+    Args:
+        sessions: with labels and apples, of the training split.
+        boxes: a folder with images/ and labels/ (YOLO), or None.
+        out: the model's .npz; a .json with its provenance is written beside it.
+        say: called with a line now and then.
+
+    Raises:
+        PomologError: nothing to learn from, or a session of the test split.
+    """
+    if out.suffix != ".npz":
+        raise PomologError(f"{out}: a model's name ends in .npz")
+    provenance = [_provenance(path) for path in sessions]
+    pairs = list(lesson_pairs(sessions))
+    photographs = boxed(boxes, "train") if boxes else []
+    lessons: list[Lesson] = [view for pair in pairs for view in pair] + photographs
+    say(f"{len(pairs)} pairs and {len(photographs)} photographs")
+    name = out.stem
+    colours = learn_colours(lessons, name)
+    fruit = learn_fruit(lessons, colours, SizeFloor(), say=say)
+    seen = see(pairs, colours, fruit)
+    model = Model(
+        name, colours, fruit, learn_matches(seen, name, say), learn_range(seen, name, say)
+    )
+    about: dict[str, Any] = {
+        "made_by": "pomolog train",
+        "sessions": provenance,
+        "photographs": {"folder": boxes.name, "count": len(photographs)} if boxes else None,
+        "versions": {n: version(n) for n in ("pomolog", "numpy", "opencv-python-headless")},
+    }
+    save_model(model, out, about)
+    return model
+
+
+def _provenance(path: Path) -> dict[str, Any]:
+    with Session(path) as session:
+        if session.metadata.get("split") == "test":
+            raise PomologError(f"{path} is of the test split; train on the train split")
+        said = {
+            k: session.metadata.get(k) for k in ("scene", "seed", "split", "lighting", "cultivar")
+        }
+        return {
+            "file": path.name,
+            "fingerprint": session.fingerprint,
+            "pairs": len(session),
+            **said,
+        }

@@ -1,0 +1,69 @@
+"""Reading colours through learned tables."""
+
+import cv2
+import numpy as np
+import pytest
+
+from processor.colour_table import ENTRIES, ColourModel, ColourTable, pack, read_table
+from tests.scenes import LEAF, RED, disc_mask, painted
+
+
+def table_of(*colours: tuple[int, int, int]) -> np.ndarray:
+    """255 for those colours, 0 for every other."""
+    table = np.zeros(ENTRIES, np.uint8)
+    table[pack(np.array([colours], np.uint8))] = 255
+    return table
+
+
+def identity() -> np.ndarray:
+    """A context table that repeats what is close to a pixel."""
+    entries = np.arange(ENTRIES)
+    return ((entries >> 5 & 63) * 255 // 63).astype(np.uint8)
+
+
+def test_a_packed_colour_has_five_six_and_five_bits() -> None:
+    assert pack(np.array([[[255, 0, 0]]], np.uint8))[0, 0] == 31
+    assert pack(np.array([[[0, 255, 0]]], np.uint8))[0, 0] == 63 << 5
+    assert pack(np.array([[[0, 0, 255]]], np.uint8))[0, 0] == 31 << 11
+
+
+def test_reading_a_table_is_indexing() -> None:
+    rng = np.random.default_rng(0)
+    table = rng.integers(0, 256, ENTRIES, dtype=np.uint8)
+    packed = rng.integers(0, ENTRIES, (7, 9), dtype=np.uint16)
+    np.testing.assert_array_equal(read_table(table, packed), table[packed])
+
+
+def test_reading_is_the_same_where_opencv_reads_only_bytes(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("processor.colour_table._READS_16_BITS", False)
+    table = np.arange(ENTRIES).astype(np.uint8)
+    packed = np.array([[0, 5, 65535]], np.uint16)
+    np.testing.assert_array_equal(read_table(table, packed), [[0, 5, 255]])
+
+
+def test_a_learned_colour_is_recognised_and_another_is_not() -> None:
+    mask = disc_mask((60, 60, 30), size_px=(160, 120))
+    stage = ColourTable(ColourModel("test", table_of(RED), identity()))
+    found = stage(painted(mask))
+    inner = cv2.erode(mask, np.ones((7, 7), np.uint8)) > 0
+    outer = cv2.dilate(mask, np.ones((7, 7), np.uint8)) == 0
+    assert found.mask[inner].all()
+    assert not found.mask[outer].any()
+    assert found.calibrated
+    assert (
+        not ColourTable(ColourModel("t", table_of(LEAF), identity()))(painted(mask))
+        .mask[inner]
+        .any()
+    )
+
+
+def test_the_surroundings_are_means_over_three_widths() -> None:
+    evidence = np.zeros((128, 128), np.uint8)
+    evidence[:, 64:] = 255
+    wide, close, near = cv2.split(
+        ColourTable(ColourModel("t", *[identity()] * 2)).surroundings(evidence)
+    )
+    assert close[64, 66] == near[64, 71] == 255
+    assert close[64, 61] == near[64, 57] == 0
+    assert 0 < near[64, 60] < 128
+    assert 0 < wide[64, 45] < wide[64, 60] < wide[64, 85] < 255
