@@ -1,7 +1,7 @@
 """Circles that could be fruit: every two points of a contour, with their normals, make one."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import cast
 
 import cv2
@@ -34,6 +34,11 @@ class Pairs:
     arcs_px: tuple[int, ...] = (10, 16, 24, 36, 54, 80)
     strangers: int = 3
     slack: float = 0.12
+
+    def scaled(self, scale: float) -> "Pairs":
+        """The same for pictures in which everything is `scale` times as large."""
+        arcs = sorted({max(3, round(arc_px * scale)) for arc_px in self.arcs_px})
+        return replace(self, step_px=max(1, round(self.step_px * scale)), arcs_px=tuple(arcs))
 
     def __call__(
         self,

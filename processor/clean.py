@@ -76,12 +76,12 @@ class SizeFloor:
     near one stays. One pass over the contours does it, without morphology that eats thin crescents.
 
     Attributes:
-        least_area_px: of a region; a tenth of an 80 mm fruit at 1.9 m, seen by the paper's lens.
+        least_area_px: of a region; a fifth of a far fruit in a picture of half the paper's size.
         least_hole_px: of a hole; a leaf before a fruit leaves one, a highlight is filled.
     """
 
-    least_area_px: int = 90
-    least_hole_px: int = 90
+    least_area_px: int = 30
+    least_hole_px: int = 60
 
     def __call__(self, recognition: Recognition) -> Cleaning:
         """Clean a mask; an empty one gives no regions."""

@@ -301,7 +301,9 @@ def _verdicts(
                 error_m=None
                 if true is None or located is None
                 else _distance_m(located, true.truth_point) - true.distance_m,
-                std_m=None if true is None or located is None else _std_m(located, true.truth_point),
+                std_m=None
+                if true is None or located is None
+                else _std_m(located, true.truth_point),
             )
         )
     return tuple(verdicts)

@@ -17,6 +17,7 @@ from recorder.rectify import Rectification
 
 Bytes = npt.NDArray[np.uint8]
 
+PAPERS_FOCAL_PX: Final = 6e-3 / 5.2e-6  # what lengths in pixels are told for
 SHORTEST_CONTOUR_PX: Final = 24
 
 
@@ -121,8 +122,11 @@ class FruitFinder:
         index = look.recognition.evidence()
         grey = cast("Bytes", cv2.cvtColor(look.picture, cv2.COLOR_BGR2GRAY))
         window = self.radii_px(look.rectification)
+        scale = look.rectification.focal_px / PAPERS_FOCAL_PX
         rng = np.random.default_rng(seed)
-        voted = vote(self.pairs(index, _contours(cleaning), window, rng), self.voted)
+        pairs = self.pairs.scaled(scale)
+        contours = _contours(cleaning, SHORTEST_CONTOUR_PX * scale)
+        voted = vote(pairs(index, contours, window, rng), self.voted)
         quality = self.model.quality(gather(index, grey, voted).measures)
         kept = self._distinct(voted, quality)
         outlines = fit_outlines(index, voted[kept])
@@ -180,12 +184,10 @@ def choose(proposals: Proposals, net: Net, least_confidence: float) -> Floats32:
     return confidence
 
 
-def _contours(cleaning: Cleaning) -> list[Contour]:
+def _contours(cleaning: Cleaning, shortest_px: float) -> list[Contour]:
     """All boundaries of the cleaned mask, those of holes too: a leaf before an apple makes one."""
     contours, _ = cv2.findContours(cleaning.mask, cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
-    return [
-        cast("Contour", contour[:, 0]) for contour in contours if len(contour) > SHORTEST_CONTOUR_PX
-    ]
+    return [cast("Contour", c[:, 0]) for c in contours if len(c) > shortest_px]
 
 
 def _owners(cleaning: Cleaning, circles: Floats) -> list[int]:

@@ -42,6 +42,22 @@ class Lesson:
     rectification: Rectification
     real: bool = False
 
+    def halved(self) -> "Lesson":
+        """The same by a camera of half the pixels each way."""
+        height, width = self.labels.shape
+        size_px = (width // 2, height // 2)
+        rig = parallel_rig(
+            size_px=size_px, focal_px=self.rectification.focal_px / 2,
+            baseline_m=self.rectification.baseline_m,
+        )  # fmt: skip
+        picture = cv2.resize(self.picture, size_px, interpolation=cv2.INTER_AREA)
+        labels = cv2.resize(self.labels, size_px, interpolation=cv2.INTER_NEAREST)
+        discs = self.discs * [0.5, 0.5, 0.5, 1.0] - [0.25, 0.25, 0, 0]
+        return replace(
+            self, picture=cast("Picture", picture), labels=cast("Labels", labels), discs=discs,
+            rectification=rectify(rig),
+        )  # fmt: skip
+
     def exposed(self, stops: float) -> "Lesson":
         """The same scene exposed so many stops longer, clipped as a camera clips."""
         return replace(self, picture=expose(self.picture, stops))

@@ -2,13 +2,20 @@
 
 import math
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
+from processor.likeness import shift_of_skins
 from processor.net import Floats32
-from processor.rims import RimShift, shift_of_rims
-from processor.trace import Apple, Floats, Fruit, Matching, ViewTrace
+from processor.rims import Bytes, RimShift, shift_of_rims
+from processor.together import fit_together
+from processor.trace import Apple, Floats, Matching, ViewTrace
 from recorder.rectify import Rectification
+
+# standard deviations for a radius of 45 px, from the training pairs
+OUTLINE_STD: Final = 2.0
+SKIN_STD: Final = 1.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +50,7 @@ class Disparities:
 
 @dataclass(frozen=True, slots=True)
 class OutlineRange:
-    """Z from the shift between two outlines of one fruit, ray by ray, fused with both circles.
+    """Z from the shift between two outlines of one fruit, fused with the likeness of its skin.
 
     Both outlines are sampled at the same angles, so that what they have in common, an apple's
     own shape and the error of its colour, cancels; what only one view sees is left out. The
@@ -134,29 +141,57 @@ class OutlineRange:
 def measure(
     left: ViewTrace, right: ViewTrace, matching: Matching, rectification: Rectification
 ) -> Disparities:
-    """Measure the disparity of every match two ways, and fuse them."""
-    lefts = [left.circles.fruit[i] for i in matching.pairs[:, 0].tolist()]
-    rights = [right.circles.fruit[j] for j in matching.pairs[:, 1].tolist()]
-    a, b = (np.array([(f.x_px, f.y_px, f.radius_px) for f in s]).reshape(-1, 3)
-            for s in (lefts, rights))  # fmt: skip
-    shift = shift_of_rims(left.recognition.evidence(), right.recognition.evidence(), a, b)
-    by_circles = a[:, 0] - b[:, 0]
-    radius = np.maximum(shift.middle_px[:, 2], 1.0)
-    circle_std = np.sqrt([_variance(f) + _variance(g) for f, g in zip(lefts, rights, strict=True)])
-    circle_std = np.hypot(circle_std, 0.04 * radius) if len(radius) else radius
-    rim_std = np.hypot(shift.std_px, 0.15) / np.clip(shift.rim, 0.02, 1)
-    weight = 1 / rim_std**2, 1 / circle_std**2
-    fused = (shift.shift_px * weight[0] + by_circles * weight[1]) / (weight[0] + weight[1])
-    fused_std = 1 / np.sqrt(weight[0] + weight[1])
+    """Measure the disparity of every match three ways, and fuse them robustly.
+
+    Rims compared ray by ray are the best where both views see the same rim; one outline for both
+    holds where they see different parts; skins compared hold where little rim is left.
+    """
+    a, b = (
+        np.array([(f.x_px, f.y_px, f.radius_px) for f in fruit]).reshape(-1, 3)
+        for fruit in (
+            [left.circles.fruit[i] for i in matching.pairs[:, 0].tolist()],
+            [right.circles.fruit[j] for j in matching.pairs[:, 1].tolist()],
+        )
+    )
+    evidence = left.recognition.evidence(), right.recognition.evidence()
+    shift = _best_shift(*evidence, a, b)
+    together = fit_together(*evidence, a, b)
+    by_outline = together[0][:, 0] - together[1][:, 0]
+    by_skin, likeness = shift_of_skins(
+        left, right, shift.middle_px, shift.shift_px, rectification.focal_px
+    )
+    size = np.maximum(shift.middle_px[:, 2], 1.0) / 45
+    stds = np.stack([
+        np.hypot(shift.std_px, 0.15) / np.clip(shift.rim, 0.05, 1),
+        OUTLINE_STD * size,
+        SKIN_STD * size / np.clip(likeness, 0.05, 1),
+    ])  # fmt: skip
+    ways = np.stack([shift.shift_px, by_outline, by_skin])
+    fused = np.median(ways, axis=0) if len(a) else np.empty(0)
+    weights = 1 / stds**2
+    for _ in range(8):  # Cauchy's weights: one way that fails alone is left behind
+        weights = 1 / stds**2 / (1 + ((ways - fused) / (2 * stds)) ** 2)
+        fused = (weights * ways).sum(0) / weights.sum(0)
     measures = np.column_stack([
-        np.ones(len(fused)), np.log(fused_std), shift.rim,
-        np.minimum(np.abs(shift.shift_px - by_circles) / radius, 0.3) * 10,
-        np.log(radius / 50),
-        matching.cost,
+        np.ones(len(fused)), -np.log(weights.sum(0)) / 2, shift.rim,
+        np.minimum(np.abs(ways[0] - ways[1]) / size / 45, 0.3) * 10,
+        np.minimum(np.abs(ways[0] - ways[2]) / size / 45, 0.3) * 10,
+        np.log(size),
     ])  # fmt: skip
     offset = rectification.disparity_px(0.0, 0.0)
     return Disparities(fused + offset, measures.astype(np.float32), shift)
 
 
-def _variance(fruit: Fruit) -> float:
-    return 1.0 if fruit.covariance_px2 is None else fruit.covariance_px2[0]
+def _best_shift(left: Bytes, right: Bytes, a: Floats, b: Floats) -> RimShift:
+    """Compare rims from the mean of both circles, and from each; the one that most rays agree to.
+
+    Where leaves deceived one view's circle, the other's row and size are the better start.
+    """
+    lend_b, lend_a = b.copy(), a.copy()
+    lend_b[:, 0], lend_a[:, 0] = a[:, 0], b[:, 0]
+    tried = [shift_of_rims(left, right, *s) for s in ((a, b), (lend_b, b), (a, lend_a))]
+    best = np.stack([t.rim for t in tried]).argmax(0)
+    places = np.arange(len(a))
+    return RimShift(
+        *(np.stack([getattr(t, f) for t in tried])[best, places] for f in RimShift.__slots__)
+    )

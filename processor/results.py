@@ -40,7 +40,7 @@ APPLES: Final = pa.schema(
         ("surface_std_m", _F64),
         ("radius_std_m", _F64),
         *((f"cov_{axes}_m2", _F64) for axes in _AXES),  # of the centre
-        *((f"{side}_confidence", _F64) for side in _SIDES),
+        *((f"{side}_confidence", _F64) for side in SIDES),
         *((f"{side}_{what}", pa.int32()) for side in SIDES for what in ("inliers", "area_px")),
         *((f"{side}_truth", pa.int64()) for side in SIDES),
         ("match_cost", _F64),

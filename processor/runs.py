@@ -97,6 +97,4 @@ def _fruit_row(row: Row) -> FruitRow:
     seen = [row["left_visible"], row["right_visible"]]
     visible = None if None in seen else min(seen)
     views = tuple((row[f"{side}_visible"], row[f"found_{side}"]) for side in ("left", "right"))
-    return FruitRow(
-        row["distance_m"], visible, row["match"], row["error_m"], row["std_m"], views
-    )
+    return FruitRow(row["distance_m"], visible, row["match"], row["error_m"], row["std_m"], views)

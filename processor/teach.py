@@ -35,12 +35,13 @@ def teach(
     provenance = [_provenance(path) for path in sessions]
     pairs = list(lesson_pairs(sessions))
     photographs = boxed(boxes, "train") if boxes else []
-    lessons: list[Lesson] = [view for pair in pairs for view in pair] + photographs
+    halves = [(left.halved(), right.halved()) for left, right in pairs]
+    lessons: list[Lesson] = [view for pair in pairs + halves for view in pair] + photographs
     say(f"{len(pairs)} pairs and {len(photographs)} photographs")
     name = out.stem
     colours = learn_colours(lessons, name)
     fruit = learn_fruit(lessons, colours, SizeFloor(), say=say)
-    seen = see(pairs, colours, fruit)
+    seen = see(pairs, colours, fruit) + see(halves, colours, fruit, (0.0,))
     model = Model(
         name, colours, fruit, learn_matches(seen, name, say), learn_range(seen, name, say)
     )

@@ -114,11 +114,13 @@ def learn_fruit(
                 choices.append(_choices(proposals, lesson, choice, number > 1))
             measures.append(gained[counted])
             wanted.append(goals[counted])
-        quality = train_net(np.concatenate(measures), np.concatenate(wanted), seed=seed)
+        quality = train_net(
+            np.concatenate(measures), np.concatenate(wanted), seed=seed, hidden=(32, 16)
+        )
         say(f"round {number}: {sum(map(len, wanted))} circles")
         if choices:
             x, y, w = (np.concatenate(parts) for parts in zip(*choices, strict=True))
-            choice = train_net(x, y, weight=w.astype(float), seed=seed, hidden=(24, 12), rounds=60)
+            choice = train_net(x, y, weight=w.astype(float), seed=seed, hidden=(32, 16), rounds=60)
             say(f"round {number}: {int(w.sum())} choices, {int(y[w].sum())} right")
     return FruitModel(colours.name, quality, choice)
 
