@@ -16,7 +16,7 @@ from processor.experiments.work import Bench, Row, Sample, samples
 from processor.locate import Locator, Stopwatch
 from processor.match import AreaInOrder
 from processor.score import matches, wilson95
-from processor.trace import Matching, Trace, ViewTrace
+from processor.trace import Look, Matching, Trace, ViewTrace
 from recorder.records import SIDES, Labels, Side
 from recorder.rectify import Rectification
 
@@ -54,10 +54,12 @@ def locate(method: str, sample: Sample) -> Trace | None:
             return None
         recognition = as_recognition(true_fruit(labels))
         cleaning = locator.clean(recognition)
-        fitted = locator.circles(cleaning, (*sample.seed, number))
-        views.append(ViewTrace(sample.picture(side), recognition, cleaning, fitted))
-    matching = locator.match(*views)
-    apples = locator.triangulate(views[0].circles, views[1].circles, matching, sample.rectification)
+        picture = sample.picture(side)
+        look = Look(picture, recognition, sample.rectification)
+        fitted = locator.circles(cleaning, (*sample.seed, number), look)
+        views.append(ViewTrace(picture, recognition, cleaning, fitted))
+    matching = locator.match(views[0], views[1], sample.rectification)
+    apples = locator.triangulate(views[0], views[1], matching, sample.rectification)
     return Trace(views[0], views[1], matching, apples, Stopwatch().laps)
 
 

@@ -12,9 +12,9 @@ from processor.count import disc_iou
 from processor.experiments import charts
 from processor.experiments.item import Claim, Column, Figure, Item, Scalar, Table, Verdict
 from processor.experiments.material import Material, Source, describe
-from processor.experiments.outlines import Outline, outlines
+from processor.experiments.outlines import Outline, as_recognition, outlines
 from processor.experiments.work import Bench, Row, Sample, samples
-from processor.trace import CircleFinder
+from processor.trace import CircleFinder, Look
 from recorder.records import Picture
 
 WINDOW_PX: Final = (30.0, 60.0)  # Sec. 2.4: both finders look for these radii
@@ -43,8 +43,10 @@ def measure_circles(sample: Sample) -> list[Row]:
             "touches": mine.touches, "roughness": mine.roughness,
             "true_x": x, "true_y": y, "true_radius": radius,
         }  # fmt: skip
+        seen = as_recognition(mine.cleaning.mask > 0)
+        look = Look(sample.picture(mine.side), seen, sample.rectification)
         for name, finder in FINDERS.items():
-            fruit = finder(mine.cleaning, (*sample.seed, number)).fruit
+            fruit = finder(mine.cleaning, (*sample.seed, number), look).fruit
             found = (fruit[0].x_px, fruit[0].y_px, fruit[0].radius_px) if fruit else None
             row |= _against(name, found, mine)
         rows.append(row)
