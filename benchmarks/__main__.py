@@ -7,6 +7,7 @@ over rounds, of one step's time divided by another's in the same round.
 """
 
 import argparse
+import itertools
 from collections.abc import Callable
 from pathlib import Path
 from statistics import median
@@ -44,6 +45,7 @@ def steps(pair: StereoPair, session: Session) -> dict[str, Step]:
     return {
         "decode": lambda: [decode(jpeg) for jpeg in jpegs],
         "paper": lambda: METHODS["paper"](left, right, rectification, (0, pair.index)),
+        "pomolog": lambda: METHODS["pomolog"](left, right, rectification, (0, pair.index)),
         "HoughCircles": lambda: [_hough(grey) for grey in greys],
         "StereoSGBM": lambda: matcher.compute(*greys),
     }
@@ -88,15 +90,17 @@ def main() -> None:
     shown = Table(title=f"{words.session}, one thread, medians of {len(seconds['paper'])} rounds")
     for column in ("ratio", "median", "10% to 90%"):
         shown.add_column(column, justify="left" if column == "ratio" else "right")
-    for name, below in (("decode", "JPEG decode"), ("HoughCircles",) * 2, ("StereoSGBM",) * 2):
-        ratios = [a / b for a, b in zip(seconds["paper"], seconds[name], strict=True)]
+    peers = (("decode", "JPEG decode"), ("HoughCircles",) * 2, ("StereoSGBM",) * 2)
+    for method, (name, below) in itertools.product(("paper", "pomolog"), peers):
+        ratios = [a / b for a, b in zip(seconds[method], seconds[name], strict=True)]
         low, high = np.percentile(ratios, [10, 90])
         shown.add_row(
-            f"locate (paper) / {below}", f"{median(ratios):.2f}", f"{low:.2f} - {high:.2f}"
+            f"locate ({method}) / {below}", f"{median(ratios):.2f}", f"{low:.2f} - {high:.2f}"
         )
-    cycle = median(seconds["paper"]) + median(seconds["decode"])
-    share = cycle * 1e3 / PAPER_CYCLE_MS
-    shown.add_row("decode + locate (paper) / the paper's cycle of 2350 ms", f"{share:.3f}", "")
+    for method in ("paper", "pomolog"):
+        cycle = median(seconds[method]) + median(seconds["decode"])
+        share = f"{cycle * 1e3 / PAPER_CYCLE_MS:.3f}"
+        shown.add_row(f"decode + locate ({method}) / the paper's cycle of 2350 ms", share, "")
     Console(width=100).print(shown)
 
 

@@ -27,6 +27,7 @@ from processor.count import count_frame
 from processor.experiments.story import LEFT, RIGHT, Labelled, read_truth
 from processor.locate import Locator
 from processor.match import AreaInOrder
+from processor.methods import METHODS
 from processor.recognise import ColourRatio, RedMinusLuma, TwoRedMinusGreenBlue
 from processor.results import rows_of
 from processor.trace import CircleFinder, Cleaner, Matcher, Recogniser
@@ -193,6 +194,7 @@ def main() -> None:
         "paper, difference": Locator(recognise=ColourRatio("difference")),
         "paper, absolute": Locator(),
         **fitted,
+        "pomolog": METHODS["pomolog"],
         f"chosen on the rendered session: {chosen_name}": chosen,
     }
     with tempfile.TemporaryDirectory() as work:
