@@ -52,6 +52,7 @@ class CameraLoop:
         self._ids = FrameCounter()
         self._last_ns: int | None = None  # session time of the last complete frame
         self._interval_ns: int | None = None
+        self._begin_ns = 0
         self._gone = False
         self._stopping = Event()
         self._thread = Thread(target=self._run, name=f"camera {side}", daemon=True)
@@ -62,8 +63,9 @@ class CameraLoop:
         """Whether the camera is silent and being opened anew."""
         return self._gone
 
-    def start(self) -> None:
-        """Begin."""
+    def start(self, begin_ns: int) -> None:
+        """Begin with the frames exposed from that session time on, so that both cameras do."""
+        self._begin_ns = begin_ns
         self._thread.start()
 
     def ask_to_stop(self) -> None:
@@ -130,6 +132,8 @@ class CameraLoop:
             self._hand_over(placed, time_ns)
 
     def _hand_over(self, shot: Shot, time_ns: int) -> None:
+        if time_ns < self._begin_ns:
+            return  # waited in the driver since before the recording began
         self._ledger.incomplete += not shot.complete
         self._ledger.late += self._timeline.late(shot, time_ns)
         if self._last_ns is not None and shot.complete:

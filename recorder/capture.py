@@ -136,8 +136,9 @@ class Recorder:
         }
 
     def _begin(self) -> None:
+        begin_ns = self._clock.now_ns()
         for loop in self._loops.values():
-            loop.start()
+            loop.start(begin_ns)
         if self._rangefinder is not None:
             self._rangefinder.start()
         self._triggering: Thread | None = None
