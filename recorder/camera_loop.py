@@ -9,7 +9,7 @@ from recorder.cameras import Camera, Shot, open_camera
 from recorder.clocks import FrameCounter
 from recorder.equipment import CameraSettings
 from recorder.errors import PomologError
-from recorder.ledger import StreamLedger
+from recorder.ledger import StreamLedger, median_interval_ns
 from recorder.timeline import Timeline
 
 POLL_S: Final = 0.1
@@ -51,7 +51,6 @@ class CameraLoop:
         self._tell = tell
         self._ids = FrameCounter()
         self._last_ns: int | None = None  # session time of the last complete frame
-        self._interval_ns: int | None = None
         self._begin_ns = 0
         self._gone = False
         self._stopping = Event()
@@ -136,11 +135,8 @@ class CameraLoop:
             return  # waited in the driver since before the recording began
         self._ledger.incomplete += not shot.complete
         self._ledger.late += self._timeline.late(shot, time_ns)
-        if self._last_ns is not None and shot.complete:
-            if self._gone:
-                self._note_gap(time_ns - self._last_ns)
-            else:
-                self._interval_ns = time_ns - self._last_ns
+        if self._last_ns is not None and shot.complete and self._gone:
+            self._note_gap(time_ns - self._last_ns)
         if shot.complete:
             self._gone = False
             self._last_ns = time_ns
@@ -148,7 +144,8 @@ class CameraLoop:
 
     def _note_gap(self, gap_ns: int) -> None:
         """The gap between the last frame before and the first one after, as it is in the file."""
-        usual_ns = self._interval_ns or round(1e9 / self._settings.rate_hz)
+        usual_ns = median_interval_ns(list(self._ledger.recent_ns))
+        usual_ns = usual_ns or round(1e9 / self._settings.rate_hz)
         missing = max(0, round(gap_ns / usual_ns) - 1)
         self._ledger.silent_ns += gap_ns
         self._ledger.missing += missing
