@@ -111,17 +111,21 @@ def score(
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
 ) -> None:
     """Hits, false positives, matches and distance errors of a run, from its counts."""
-    from processor.runs import find_runs, score_runs
+    from processor.runs import find_runs, losses, score_runs
 
-    groups = score_runs(find_runs(out), by)
+    runs = find_runs(out)
+    groups, lost = score_runs(runs, by), losses(runs)
     if as_json:
-        print(json.dumps({"groups": {name: asdict(s) for name, s in groups.items()}}, indent=2))
+        scores = {name: asdict(score) for name, score in groups.items()}
+        print(json.dumps({"groups": scores, "ledger": lost}, indent=2))
         return
     from rich.console import Console
 
     from processor.tables import score_table
 
     Console().print(score_table(groups))
+    if lost is not None:
+        print("the recorder's ledger: " + ", ".join(f"{n} {what}" for what, n in lost.items()))
 
 
 @app.command(epilog="Example: pomolog paper -o results/paper")

@@ -4,7 +4,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from processor.replay import RESULTS_PROFILE
 from processor.results import STAGES, Row, read_table
@@ -98,3 +98,21 @@ def _fruit_row(row: Row) -> FruitRow:
     visible = None if None in seen else min(seen)
     views = tuple((row[f"{side}_visible"], row[f"found_{side}"]) for side in ("left", "right"))
     return FruitRow(row["distance_m"], visible, row["match"], row["error_m"], row["std_m"], views)
+
+
+# what the recorder's ledger counts as not kept, or not kept well, stream by stream
+LOSSES: Final = ("dropped", "missing", "incomplete", "late", "unpaired", "reopened")
+
+
+def losses(runs: Sequence[Run]) -> dict[str, int] | None:
+    """What the recorders of these sessions lost, summed over streams; None: none kept a ledger."""
+    ledgers = [run.about["session"].get("ledger") or {} for run in runs]
+    if not any(ledgers):
+        return None
+    totals = dict.fromkeys(LOSSES, 0)
+    for ledger in ledgers:
+        for key, value in ledger.items():
+            loss = key.rpartition(".")[2]
+            if loss in totals and value.isdecimal():
+                totals[loss] += int(value)
+    return totals

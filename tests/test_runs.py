@@ -7,7 +7,7 @@ import pytest
 
 from processor.locate import Locator
 from processor.replay import Replayed, replay
-from processor.runs import find_runs, score_runs
+from processor.runs import find_runs, losses, score_runs
 from recorder.errors import PomologError
 from tests.scenes import apple, stereo_session
 
@@ -79,3 +79,21 @@ def test_results_of_another_version_are_told_from_damage(tmp_path: Path) -> None
     (tmp_path / "run.json").write_text(json.dumps(about))
     with pytest.raises(PomologError, match="pomolog-results/9"):
         find_runs([tmp_path])
+
+
+def test_what_recorders_lost_is_summed_over_streams_and_sessions(tmp_path: Path) -> None:
+    out = replayed(tmp_path, a="front", b="back")
+    assert losses(find_runs([out])) is None  # nobody kept a ledger
+    for name, ledger in (
+        ("a", {"left.dropped": "2", "right.dropped": "1", "left.frames": "90", "pairs": "88"}),
+        ("b", {"right.unpaired": "4", "rangefinder.reopened": "1", "ended": "by the operator"}),
+    ):
+        path = out / name / "run.json"
+        about = json.loads(path.read_text())
+        about["session"]["ledger"] = ledger
+        path.write_text(json.dumps(about))
+    found = losses(find_runs([out]))
+    assert found is not None
+    assert {what: n for what, n in found.items() if n} == {
+        "dropped": 3, "unpaired": 4, "reopened": 1,
+    }  # fmt: skip
