@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any, Final
+from zipfile import BadZipFile
 
 import numpy as np
 
@@ -69,9 +70,9 @@ def load_model(choice: str) -> Model:
         names = ", ".join(sorted(p.stem for p in FOLDER.glob("*.npz")))
         raise PomologError(f"no model {choice!r}; there are {names}, or give a .npz: pomolog train")
     try:
-        with np.load(path, allow_pickle=False) as arrays:
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as arrays:
             return _model(choice, dict(arrays))
-    except (OSError, ValueError, KeyError, EOFError) as error:
+    except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
         raise PomologError(f"{path} is no model ({error}); make one with: pomolog train") from None
 
 

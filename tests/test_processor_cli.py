@@ -166,7 +166,8 @@ def test_score_json_has_the_designed_form(command: Command, session: Path, tmp_p
     said = command("score", tmp_path / "out", "--by", "lighting", "--json")
     assert said.code == 0
     assert said.err == ""
-    assert said.json.keys() == {"groups"}
+    assert said.json.keys() == {"groups", "ledger"}
+    assert said.json["ledger"] is None  # nobody recorded it
     assert list(said.json["groups"]) == ["all", "lighting=front"]
     for group in said.json["groups"].values():
         assert group["frames"] == 2
