@@ -11,7 +11,6 @@ import multiprocessing
 import os
 import platform
 import shutil
-import subprocess
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -29,6 +28,7 @@ import cv2
 from processor.count import count_frame
 from processor.locate import Locator
 from processor.methods import describe, models_of
+from processor.recordings import join_recordings
 from processor.results import TABLES, Rows, join_tables, read_table, rows_of, write_tables
 from recorder.errors import PomologError
 from recorder.files import only_writer, replacing, writable
@@ -322,19 +322,3 @@ def _join(jobs: Sequence[Job], out: Path, rrd: RrdChoice) -> None:
             shutil.copyfile(jobs[0].part / "trace.rrd", part)  # a kill now must lose nothing
             return
         join_recordings([job.part / "trace.rrd" for job in jobs], part)
-
-
-def join_recordings(parts: Sequence[Path], out: Path) -> None:
-    """Join recordings of one id, in order, without decoding them.
-
-    Raises:
-        PomologError: Rerun's own tool could not.
-    """
-    import rerun_cli
-
-    binary = Path(rerun_cli.__file__).parent / "rerun"
-    command = [str(binary), "rrd", "route", *map(str, parts), "-o", str(out)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    if done.returncode != 0:
-        reason = " ".join(done.stderr.split())[-300:]
-        raise PomologError(f"cannot join the recordings of {out.parent}: {reason}")

@@ -164,9 +164,6 @@ def _is_parallel(rig: Rig) -> bool:
 
 
 def _parallel_cameras(rig: Rig) -> tuple[tuple[Floats, Floats], tuple[Floats, Floats]]:
-    stereo_rectify = (
-        cv2.fisheye.stereoRectify if "kannala_brandt" in (rig.left.lens, rig.right.lens) else None
-    )
     arguments = (
         rig.left.matrix, rig.left.distortion, rig.right.matrix, rig.right.distortion,
         rig.left.size_px, rig.rotation, rig.translation_m.reshape(3, 1),
@@ -176,8 +173,8 @@ def _parallel_cameras(rig: Rig) -> tuple[tuple[Floats, Floats], tuple[Floats, Fl
             f"the left lens is {rig.left.lens} and the right {rig.right.lens}; "
             "both or neither can be kannala_brandt"
         )
-    if stereo_rectify is not None:
-        r1, r2, p1, p2, _ = stereo_rectify(*arguments, flags=cv2.CALIB_ZERO_DISPARITY)
+    if rig.left.lens == "kannala_brandt":
+        r1, r2, p1, p2, _ = cv2.fisheye.stereoRectify(*arguments, flags=cv2.CALIB_ZERO_DISPARITY)
     else:
         r1, r2, p1, p2, *_ = cv2.stereoRectify(*arguments, flags=cv2.CALIB_ZERO_DISPARITY)
     focal_px = float(p1[0, 0])

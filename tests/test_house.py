@@ -28,7 +28,7 @@ KEEPERS = {
     },
     "mcap_protobuf": {"recorder.message_writer"},
     "rerun": {"processor.rrd", "viewer.layout"},
-    "rerun_cli": {"processor.replay", "viewer.open"},
+    "rerun_cli": {"processor.recordings"},
     "pyarrow": {"processor.results"},
     "matplotlib": {"processor.experiments.charts"},
     "pydantic": {

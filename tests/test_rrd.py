@@ -14,7 +14,8 @@ from rerun.chunk import RrdReader
 
 import processor.replay as module
 from processor.locate import Locator
-from processor.replay import Replayed, join_recordings, replay
+from processor.recordings import join_recordings
+from processor.replay import Replayed, replay
 from processor.rrd import RrdWriter
 from processor.trace import Trace
 from recorder.errors import PomologError

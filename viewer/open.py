@@ -6,6 +6,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from processor.recordings import rerun_binary
 from recorder.errors import PomologError
 from recorder.files import replacing
 
@@ -48,9 +49,7 @@ def open_viewer(files: Sequence[Path], *, web: bool = False) -> None:
     Raises:
         PomologError: there is no screen for the native viewer, or it could not start.
     """
-    import rerun_cli
-
-    binary = Path(rerun_cli.__file__).parent / "rerun"
+    binary = rerun_binary()
     has_screen = any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))
     if not web and sys.platform == "linux" and not has_screen:
         raise PomologError(f"no screen here for the viewer; use: pomolog view {files[0]} --web")
