@@ -90,6 +90,6 @@ def _floor(rng: np.random.Generator) -> npt.NDArray[np.uint8]:
 
 
 def _poster(rng: np.random.Generator) -> npt.NDArray[np.uint8]:
-    """A printed sheet of soft coloured shapes: a background that is not grey."""
-    inks = [0.30 * step(1.2 * field(rng, (256, 256), 30)) + 0.1 for _ in range(3)]
-    return srgb8(np.stack(inks, -1))
+    """A printed sheet of soft shapes in blues and greens: not grey, and nowhere red as fruit is."""
+    green, blue = (0.30 * step(1.2 * field(rng, (256, 256), 30)) + 0.1 for _ in range(2))
+    return srgb8(np.stack([0.5 * np.minimum(green, blue), green, blue], -1))
