@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 RUN := $(VENV)/bin
 
-.PHONY: demo test lint bench sessions format clean
+.PHONY: demo test lint bench docs sessions format clean
 
 demo: $(VENV)/ready
 	$(RUN)/pomolog demo
@@ -18,6 +18,9 @@ lint: $(VENV)/ready-dev
 
 bench: $(VENV)/ready-dev
 	$(RUN)/python -m benchmarks
+
+docs: $(VENV)/ready-dev # the site of docs/, in results/site/index.html
+	$(RUN)/python -m sphinx --builder html --nitpicky --fail-on-warning --quiet docs results/site
 
 sessions: $(VENV)/ready-orchard # about an hour; also needs LLVM 19 (on Debian: libllvm19)
 	$(RUN)/python sessions/make_sessions.py

@@ -207,7 +207,7 @@ def simulate(
     epilog="Example: pomolog record --rig rig.toml --out day1/ --lighting front --split 5min"
 )
 def record(
-    rig: Annotated[Path, typer.Option(help="rig.toml with [cameras.*]; see docs/recording.md.")],
+    rig: Annotated[Path, typer.Option(help="rig.toml that names cameras; see docs/recording.md.")],
     out: Annotated[Path, typer.Option("--out", "-o", help="The folder for the recording.")],
     lighting: Annotated[str, typer.Option(help="front, back, cloudy, indoor, ...")] = "",
     cultivar: Annotated[str, typer.Option(help="The apples' variety.")] = "",
