@@ -1,9 +1,9 @@
 """The front door: one command, a line for each sub-command, and nothing heavy imported."""
 
+import os
 import signal
 import sys
 from importlib import import_module
-from importlib.metadata import version
 from io import TextIOWrapper
 from typing import Final, NamedTuple
 
@@ -35,6 +35,9 @@ COMMANDS: Final[dict[str, Command]] = {
 }
 
 
+COMPLETION: Final = ("--install-completion", "--show-completion")
+
+
 def usage() -> str:
     """The text of `pomolog --help`."""
     lines = [f"  {name:10} {command.summary}" for name, command in COMMANDS.items()]
@@ -50,6 +53,7 @@ def usage() -> str:
             "",
             "Example: pomolog replay sessions/demo.mcap -o results",
             "Each command has its own help: pomolog replay --help",
+            "Commands and options complete themselves after: pomolog --install-completion",
         )
     )
 
@@ -57,10 +61,14 @@ def usage() -> str:
 def main() -> None:
     """Run one sub-command. Exit 0 done, 1 an expected failure, 2 wrong usage."""
     words = sys.argv[1:]
+    if "_POMOLOG_COMPLETE" in os.environ or (words[:1] and words[0] in COMPLETION):
+        _complete()
     if not words or words[0] in ("-h", "--help", "help"):
         print(usage())
         sys.exit(0 if words else 2)
     if words[0] == "--version":
+        from importlib.metadata import version
+
         print(f"pomolog {version('pomolog')}")
         sys.exit(0)
     command = COMMANDS.get(words[0])
@@ -76,6 +84,18 @@ def main() -> None:
     except PomologError as error:
         print(f"pomolog: {' '.join(str(error).split())}", file=sys.stderr)
         sys.exit(1)
+
+
+def _complete() -> None:
+    """Let typer answer the shell, or install what asks it, with all commands in one app."""
+    import typer
+
+    whole = typer.Typer(rich_markup_mode=None)
+    for module in dict.fromkeys(command.module for command in COMMANDS.values()):
+        part = import_module(module).app
+        whole.registered_commands += part.registered_commands
+        whole.registered_groups += part.registered_groups
+    whole(prog_name="pomolog")
 
 
 def _stop(*_: object) -> None:
