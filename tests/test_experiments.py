@@ -259,6 +259,22 @@ def test_fruit_that_touch_in_one_view_alone_are_merged_in_one_view(tmp_path: Pat
     assert int(str(merged["wrong_any"])) + int(str(merged["missed_any"])) >= 1
 
 
+def test_of_two_touching_apples_the_located_one_is_held_against_its_own_place(
+    tmp_path: Path,
+) -> None:
+    # one region, one circle: that of the nearer apple, where the operator named the other
+    pair = (hung(0.66, 0.1, number=1), hung(0.6, 0.13, number=2))
+    write_set(tmp_path / "distance-indoor-fruit.mcap", [pair] * 2, named=1)
+    made = make_paper(
+        find_material(tmp_path), tmp_path / "out", only=chosen_items("fig8", real=False)
+    )
+    row = rows(made, "fig8")[-1]
+    assert (row["readings"], row["compared"], row["beside"]) == (2, 0, 2)
+    assert (
+        abs(float(str(row["exact_bias"]))) < 25
+    )  # 2 px of a ring over two discs; the other stands 54 mm behind
+
+
 REAL = Path(__file__).parents[2] / "shared" / "data"
 
 

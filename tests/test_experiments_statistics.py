@@ -10,7 +10,8 @@ from statsmodels.stats.power import TTestIndPower, TTestPower
 from statsmodels.stats.proportion import proportion_confint
 from statsmodels.stats.weightstats import ttost_ind, ttost_paired
 
-from processor.experiments.comparisons import MARGIN_MM, compared, papers_own
+from processor.experiments.comparisons import MARGIN_MM, compared, papers_own, table_2
+from processor.experiments.distances import METHODS
 from processor.experiments.statistics import (
     bootstrap_shares,
     detectable_effect,
@@ -20,6 +21,7 @@ from processor.experiments.statistics import (
     t_table,
     unpaired,
 )
+from processor.experiments.work import Row
 from processor.score import wilson95
 
 CLEAR = [3.1, -2.4, 5.0, 7.7, 1.2, 4.9, 9.3, 6.1, 8.8, 12.0, 10.4, 13.9]
@@ -129,6 +131,25 @@ def test_table_2_pairs_only_ranges_that_both_conditions_have() -> None:
     both = np.array(CLEAR[1:]), np.array(LEAVES[1:])
     theirs = ttost_paired(*both, -MARGIN_MM, MARGIN_MM)[0]
     assert row["p_tost"] == pytest.approx(theirs)
+
+
+def test_table_2_turns_to_the_exact_place_where_too_few_readings_can_be_compared() -> None:
+    def rows(condition: str, read: int) -> list[Row]:
+        errors = zip(range(400, 1600, 100), CLEAR, strict=True)
+        return [
+            {"method": METHODS[1], "scene": f"distance-{condition}", "hung_mm": near,
+             "located_mm": error, "error_mm": error if i < read else None}
+            for i, (near, error) in enumerate(errors)
+        ]  # fmt: skip
+
+    item = table_2([*rows("indoor-clear", 12), *rows("indoor-fruit", 3)], "drawn")
+    said = {claim.what: claim for claim in item.claims}
+    beside = said["t, indoor no occlusion / indoor adjacent fruits"]
+    assert beside.verdict == "holds"
+    assert beside.ours == pytest.approx(0)
+    assert "exact place, n = 12 and 12" in str(beside.sentence)
+    light = said["t, indoor no occlusion / outdoor front lighting"]
+    assert light.verdict == "not scored"
 
 
 def test_a_condition_without_measurements_leaves_its_comparisons_unscored() -> None:
