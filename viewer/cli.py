@@ -52,19 +52,16 @@ def demo(
     from recorder.session import read_info
     from viewer.open import lay_out, recordings
 
-    if not DEMO_SESSION.is_file():
-        raise PomologError(f"no {DEMO_SESSION}; run the demo from a checkout of the project")
+    session = DEMO_SESSION if DEMO_SESSION.is_file() else _drawn(out)
     name, locator = load_method(method)
     workers = os.cpu_count() or 1
-    with progress("replaying", read_info(DEMO_SESSION).pairs) as tick:
-        for outcome in replay(
-            [DEMO_SESSION], out, locator, method=name, workers=workers, tick=tick
-        ):
+    with progress("replaying", read_info(session).pairs) as tick:
+        for outcome in replay([session], out, locator, method=name, workers=workers, tick=tick):
             if isinstance(outcome, PomologError):
                 raise outcome
     groups = score_runs(find_runs([out]), "lighting")
     console = Console()
-    console.print(f"method {name} on {DEMO_SESSION.name}, by lighting:")
+    console.print(f"method {name} on {session.name}, by lighting:")
     console.print(score_table(groups))
     found = recordings(out)
     lay_out(found)
@@ -72,3 +69,14 @@ def demo(
         console.print(f"recording: {recording}", soft_wrap=True, highlight=False)
     command = "pomolog" if shutil.which("pomolog") else ".venv/bin/pomolog"
     console.print(f"look at it with:  {command} view {out}", soft_wrap=True, highlight=False)
+
+
+def _drawn(out: Path) -> Path:
+    """A drawn session beside the results: pomolog is installed without its sessions."""
+    from recorder.sketch import sketch
+
+    session = out.with_name(f"{out.name}.mcap")
+    if not session.is_file():
+        sketch(session)
+        typer.echo(f"{session}: drawn, for the recorded sessions are not here", err=True)
+    return session
