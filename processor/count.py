@@ -16,7 +16,7 @@ import numpy.typing as npt
 from scipy.optimize import linear_sum_assignment
 
 from processor.trace import Apple, Circles, Fruit, Mask, Trace
-from recorder.records import SIDES, UNCOUNTED, FrameTruth, Labels, Side
+from recorder.records import SIDES, UNCOUNTED, FrameTruth, Labels, Side, TruthPoint
 from recorder.rectify import Rectification
 
 LEAST_IOU = 0.5
@@ -25,6 +25,7 @@ LEAST_VISIBLE_TO_MATCH = 0.5  # in both views, of an apple that counts as one to
 
 Floats = npt.NDArray[np.float64]
 Verdict = Literal["right", "wrong", "missed"]
+Disc = tuple[float, float, float]  # x, y, radius in rectified pixels
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +51,9 @@ class AppleVerdict:
         match: whether its circles were matched; None where it need not be.
         error_m: estimated minus true distance; None unless its own two circles were matched.
         std_m: what the method says of that error; None where it says nothing.
+        truth_point: what `distance_m` leads to.
+        left_disc: where it is in the left view; None where it is in no part of it.
+        right_disc: the same in the right view.
     """
 
     apple_id: int
@@ -61,6 +65,9 @@ class AppleVerdict:
     match: Verdict | None
     error_m: float | None
     std_m: float | None = None
+    truth_point: TruthPoint | None = None
+    left_disc: Disc | None = None
+    right_disc: Disc | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,6 +81,9 @@ class FrameCounts:
         apples: one a true apple that counts; empty where none are known.
         found_left: for each fruit of the left view the apple that it finds.
         found_right: the same of the right view.
+        false_left: for each fruit of the left view whether none is there; empty where nobody
+            can know.
+        false_right: the same of the right view.
     """
 
     pixels: Counts | None = None
@@ -82,6 +92,8 @@ class FrameCounts:
     apples: tuple[AppleVerdict, ...] = ()
     found_left: tuple[int | None, ...] = ()
     found_right: tuple[int | None, ...] = ()
+    false_left: tuple[bool, ...] = ()
+    false_right: tuple[bool, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -131,17 +143,18 @@ def count_frame(
             return FrameCounts(pixels, cleaned)
         discs[side] = seen
     found = {side: find(trace.view(side).circles, discs[side]) for side in SIDES}
-    fruit = _sum(
-        count_fruit(
-            trace.view(s).circles.fruit, found[s], discs[s], labels[s], partial=truth.partial
-        )
+    false: dict[Side, tuple[bool, ...] | None] = {
+        s: None if truth.partial else mistakes(trace.view(s).circles.fruit, found[s], labels[s])
         for s in SIDES
-    )
+    }
+    fruit = _sum(count_fruit(found[s], discs[s], false[s]) for s in SIDES)
     verdicts = _verdicts(trace.apples, truth, discs, found)
-    named = (
+    left, right = (
         tuple(None if j is None else discs[side].ids[j] for j in found[side]) for side in SIDES
     )
-    return FrameCounts(pixels, cleaned, fruit, verdicts, *named)
+    return FrameCounts(
+        pixels, cleaned, fruit, verdicts, left, right, false["left"] or (), false["right"] or ()
+    )
 
 
 def count_pixels(mask: Mask, labels: Labels, *, partial: bool = False) -> Counts:
@@ -235,26 +248,22 @@ def find(circles: Circles, discs: Discs) -> tuple[int | None, ...]:
     return tuple(places)
 
 
-def count_fruit(
-    fruit: Sequence[Fruit],
-    found: Sequence[int | None],
-    discs: Discs,
-    labels: Labels | None,
-    *,
-    partial: bool,
-) -> Counts:
-    """Fruit found, found where none is, and not found."""
+def mistakes(
+    fruit: Sequence[Fruit], found: Sequence[int | None], labels: Labels | None
+) -> tuple[bool, ...]:
+    """Which circles are where no fruit is."""
+    return tuple(
+        place is None and not (labels is not None and _on_uncounted(one, labels))
+        for one, place in zip(fruit, found, strict=True)
+    )
+
+
+def count_fruit(found: Sequence[int | None], discs: Discs, false: Sequence[bool] | None) -> Counts:
+    """Fruit found, found where none is (None: nobody can know), and not found."""
     wanted = discs.wanted
     tp = sum(1 for j in found if j is not None and wanted[j])
     fn = int(wanted.sum()) - tp
-    if partial:
-        return Counts(tp, None, fn)
-    fp = sum(
-        1
-        for f, j in zip(fruit, found, strict=True)
-        if j is None and not (labels is not None and _on_uncounted(f, labels))
-    )
-    return Counts(tp, fp, fn)
+    return Counts(tp, None if false is None else sum(false), fn)
 
 
 def _on_uncounted(fruit: Fruit, labels: Labels) -> bool:
@@ -278,6 +287,7 @@ def _verdicts(
     """What became of every true apple that is in at least one view."""
     known = {a.id: a for a in truth.apples or ()}
     seen = {s: dict(zip(discs[s].ids, discs[s].visible.tolist(), strict=True)) for s in SIDES}
+    there = {s: dict(zip(discs[s].ids, discs[s].circles.tolist(), strict=True)) for s in SIDES}
     hit = {s: {discs[s].ids[j] for j in found[s] if j is not None} for s in SIDES}
     right_of, wrong = _matched(apples, discs, found)
     verdicts = []
@@ -304,9 +314,18 @@ def _verdicts(
                 std_m=None
                 if true is None or located is None
                 else _std_m(located, true.truth_point),
+                truth_point=None if true is None else true.truth_point,
+                left_disc=_disc(there["left"].get(apple_id)),
+                right_disc=_disc(there["right"].get(apple_id)),
             )
         )
     return tuple(verdicts)
+
+
+def _disc(circle: Sequence[float] | None) -> Disc | None:
+    if circle is None or circle[2] <= 0:
+        return None
+    return circle[0], circle[1], circle[2]
 
 
 def _matched(

@@ -4,10 +4,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from processor.count import Counts, FrameCounts
+from processor.count import AppleVerdict, Counts, FrameCounts
 from processor.trace import Circles, Trace
 from recorder.errors import PomologError
 from recorder.files import replacing
@@ -43,6 +44,7 @@ APPLES: Final = pa.schema(
         *((f"{side}_confidence", _F64) for side in SIDES),
         *((f"{side}_{what}", pa.int32()) for side in SIDES for what in ("inliers", "area_px")),
         *((f"{side}_truth", pa.int64()) for side in SIDES),
+        *((f"{side}_false", pa.bool_()) for side in SIDES),  # null where nobody can know
         ("match_cost", _F64),
     ]
 )
@@ -62,7 +64,7 @@ FRAMES: Final = pa.schema(
         *((f"{stage}_ns", pa.int64()) for stage in STAGES),
     ]
 )
-# A row a true apple that counts.
+# A row a true apple that counts; its outline in pixels as recorded, null where it is out of view.
 TRUTH: Final = pa.schema(
     [
         *_KEY,
@@ -75,6 +77,8 @@ TRUTH: Final = pa.schema(
         ("match", pa.string()),
         ("error_m", _F64),
         ("std_m", _F64),
+        ("truth_point", pa.string()),  # what distance_m leads to: "centre" or "surface"
+        *((f"{side}_{what}_px", _F64) for side in SIDES for what in ("x", "y", "radius")),
     ]
 )
 TABLES: Final[dict[str, pa.Schema]] = {"apples": APPLES, "frames": FRAMES, "truth": TRUTH}
@@ -120,11 +124,24 @@ def rows_of(
             "match": v.match,
             "error_m": v.error_m,
             "std_m": v.std_m,
+            "truth_point": v.truth_point,
+            **_disc_columns(v, rectification),
         }
         for v in counts.apples
     ]
     apples = _apple_rows(key, trace, counts, rectification)
     return {"apples": apples, "frames": [frame], "truth": truth}
+
+
+def _disc_columns(verdict: AppleVerdict, rectification: Rectification) -> Row:
+    columns: Row = {}
+    for side, disc in (("left", verdict.left_disc), ("right", verdict.right_disc)):
+        if disc is not None:
+            view = rectification.left if side == "left" else rectification.right
+            (recorded,) = view.circles_to_recorded(np.array([disc])).tolist()
+            names = (f"{side}_{what}_px" for what in ("x", "y", "radius"))
+            columns.update(zip(names, recorded, strict=True))
+    return columns
 
 
 def _count_columns(what: str, counts: Counts | None) -> Row:
@@ -141,6 +158,7 @@ def _apple_rows(
         "right": rectification.right.circles_to_recorded(trace.right.circles.as_array()),
     }
     truths = {"left": counts.found_left, "right": counts.found_right}
+    false = {"left": counts.false_left, "right": counts.false_right}
     fruit: Mapping[str, Circles] = {"left": trace.left.circles, "right": trace.right.circles}
     costs = {
         (i, j): cost
@@ -176,6 +194,7 @@ def _apple_rows(
             row[f"{side}_area_px"] = fruit[side].fruit[place].area_px
             row[f"{side}_confidence"] = fruit[side].fruit[place].confidence
             row[f"{side}_truth"] = truths[side][place] if truths[side] else None
+            row[f"{side}_false"] = false[side][place] if false[side] else None
         rows.append(row)
     return rows
 
