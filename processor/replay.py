@@ -53,6 +53,7 @@ class Job:
     stop: int
     parts: Path  # where its part goes
     locator: Locator
+    method: str  # its name
     seed: int
     rrd: RrdChoice
 
@@ -189,7 +190,16 @@ def _write_results(
         parts.mkdir(exist_ok=True)
         (out / "run.json").unlink(missing_ok=True)  # what it spoke of is about to change
     jobs = [
-        Job(path, start, min(start + SLICE_PAIRS, pairs), parts, locator, run["seed"], rrd)
+        Job(
+            path,
+            start,
+            min(start + SLICE_PAIRS, pairs),
+            parts,
+            locator,
+            run["method"],
+            run["seed"],
+            rrd,
+        )
         for start in range(0, pairs, SLICE_PAIRS)
     ]
     if pool is None:
@@ -296,6 +306,8 @@ def run_slice(job: Job, tick: Tick = lambda _: None) -> None:
                     name=session.name,
                 )
             )
+            if job.start == 0:
+                drawing.write_session(session, f"replayed with method {job.method}")
         for pair in session.pairs(job.start, job.stop):
             before = perf_counter_ns()
             left, right = decode(pair.left), decode(pair.right)
@@ -306,7 +318,7 @@ def run_slice(job: Job, tick: Tick = lambda _: None) -> None:
             for name, table in new.items():
                 rows[name].extend(table)
             if drawing is not None:
-                drawing.write(pair, trace, decode_ns)
+                drawing.write(pair, trace, counts, decode_ns)
             tick(1)
         write_tables(part, rows)
 

@@ -1,9 +1,10 @@
-"""Draw finished traces into a Rerun recording (.rrd): the only place here that knows Rerun.
+"""Draw finished traces into a Rerun recording (.rrd).
 
 Entities: `world` is the left camera's optical frame. `world/left` and `world/right` are the
-rectified cameras, with their picture, colour index, masks, contours, rings and fruit below them;
-`world/apples`, `world/truth` and `world/beam` are in space; `match`, `time_ms` and `count` are
-curves. Truth is blue, estimates are orange, in every view.
+rectified cameras, with their picture, masks, contours, rings and fruit below them; `world/apples`,
+`world/truth` and `world/beam` are in space; `index` has the colour index of each view, `match` both
+views joined by their matches; `range`, `count`, `verdict`, `error_mm`, `health` and `time_ms` are
+numbers. Colours are those of `processor.palette` in every view.
 """
 
 from pathlib import Path
@@ -16,27 +17,34 @@ import numpy.typing as npt
 import rerun as rr
 import rerun_bindings
 
-from processor.count import Discs, true_discs
-from processor.trace import Circles, Mask, Trace, ViewTrace
-from recorder.records import COMPRESSED, SIDES, Frame, FrameTruth, Side, StereoPair
+from processor.count import FrameCounts
+from processor.palette import ALONE, ESTIMATE, FALSE, HIT, REJECTED
+from processor.rrd_numbers import draw_charts, draw_numbers
+from processor.rrd_pictures import index_picture, joined_picture, mask_picture
+from processor.rrd_session import (
+    draw_beam,
+    draw_exposure,
+    draw_moment,
+    draw_pair,
+    draw_picture,
+    draw_rig,
+    draw_session,
+    draw_truth,
+)
+from processor.trace import Circles, Trace
+from recorder.pictures import decode
+from recorder.records import SIDES, Side, StereoPair
 from recorder.rectify import Rectification
 from recorder.rig import Rig
+from recorder.session import Session
 
 APPLICATION: Final = "pomolog"
-MEDIA_TYPES: Final = {"jpeg": "image/jpeg", "png": "image/png", "webp": "image/webp"}
-ESTIMATE: Final = (255, 140, 0)
-TRUTH: Final = (0, 120, 255)
-FAINT: Final = (255, 220, 120, 60)
-ALONE: Final = (200, 80, 200)  # fruit without a partner
-REFERENCE: Final = (255, 255, 0)
-RINGS_SHOWN: Final = 1500  # of each view; more hide what is under them and cost megabytes
+CONTOUR: Final = (0, 200, 160)
+REFERENCE: Final = (240, 228, 66)
+RINGS_SHOWN: Final = 400  # of each view; more hide what is under them and cost megabytes
 FAR_M: Final = 10.0  # places beyond are wrong matches; one of them would shrink all the rest
-BEAM_M: Final = 2.0  # drawn length of a beam that met nothing
-_JPEG: Final = [cv2.IMWRITE_JPEG_QUALITY, 90]
-_PNG: Final = [
-    cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE,
-    cv2.IMWRITE_PNG_BILEVEL, 1,
-]  # fmt: skip
+# a chunk costs 2 KB beside what is in it, and a frame has forty; so several frames share one
+_BATCHES: Final = rr.ChunkBatcherConfig(flush_tick=3600, flush_num_bytes=8 << 20)
 
 
 class RrdWriter:
@@ -64,7 +72,9 @@ class RrdWriter:
         first_ns: int,
         name: str,
     ) -> None:
-        self._rec = rr.RecordingStream(APPLICATION, recording_id=recording_id)
+        self._rec = rr.RecordingStream(
+            APPLICATION, recording_id=recording_id, batcher_config=_BATCHES
+        )
         self._rec.set_log_time_enabled(False)
         self._rec.set_log_tick_enabled(False)
         # Rerun's own file sink hangs for ever on a full disk, so the file is written here
@@ -74,7 +84,8 @@ class RrdWriter:
         self._rig = rig
         self._rectification = rectification
         self._first_ns = first_ns
-        self._draw_rig()
+        draw_rig(self._rec, rectification)
+        draw_charts(self._rec)
 
     def __enter__(self) -> Self:
         return self
@@ -95,194 +106,184 @@ class RrdWriter:
         if kind is None:
             self._path.write_bytes(data or b"")
 
-    def write(self, pair: StereoPair, trace: Trace, decode_ns: int) -> None:
-        """Draw one frame."""
-        self._rec.set_time("frame", sequence=pair.index)
-        since = np.timedelta64(pair.time_ns - self._first_ns, "ns")
-        self._rec.set_time("session_time", duration=since)
-        self._rec.set_time("capture", timestamp=np.datetime64(pair.time_ns, "ns"))
-        for side, frame in zip(SIDES, (pair.left, pair.right), strict=True):
-            self._draw_view(side, frame, trace.view(side), trace)
-            self._draw_discs(side, pair.truth)
-        self._draw_match(trace)
-        self._draw_space(pair, trace)
-        self._draw_numbers(pair, trace, decode_ns)
+    def write_session(self, session: Session, heading: str) -> None:
+        """Draw what the session says of itself as a whole: once, in its first part."""
+        draw_session(self._rec, session, heading)
 
-    def _log(self, path: str, what: Any, *, static: bool = False) -> None:
-        self._rec.log(path, what, static=static)
-
-    def _draw_rig(self) -> None:
-        self._log("world", rr.ViewCoordinates.RDF, static=True)
-        turn = self._rectification.left.rotation.T
+    def write(self, pair: StereoPair, trace: Trace, counts: FrameCounts, decode_ns: int) -> None:
+        """Draw one frame with all that was found in it."""
+        self._draw_pair(pair, {side: trace.view(side).picture for side in SIDES})
         for side in SIDES:
-            view = self._rectification.view(side)
-            along = np.array([self._rectification.baseline_m if side == "right" else 0.0, 0, 0])
-            self._log(
-                f"world/{side}", rr.Transform3D(translation=turn @ along, mat3x3=turn), static=True
-            )
-            self._log(
-                f"world/{side}",
-                rr.Pinhole(
-                    image_from_camera=view.matrix,
-                    resolution=list(view.camera.size_px),
-                    camera_xyz=rr.ViewCoordinates.RDF,
-                    image_plane_distance=0.15,
-                ),
-                static=True,
-            )
+            self._draw_view(side, pair, trace)
+        self._draw_match(trace, counts)
+        self._draw_apples(trace)
+        draw_numbers(self._rec, self._rig, pair, trace, counts, decode_ns)
 
-    def _draw_view(self, side: Side, frame: Frame, view: ViewTrace, trace: Trace) -> None:
-        root = f"world/{side}"
-        if self._rectification.view(side).maps is None:
-            self._log(f"{root}/picture", _recorded(frame, view))
-        else:  # the recorded picture has pixels of its own, so it stands beside the camera
-            self._log(f"recorded/{side}", _recorded(frame, view))
-            self._log(f"{root}/picture", _jpeg(view.picture))
-        self._log(f"{root}/index", _jpeg(view.recognition.index))
-        self._log(f"{root}/mask", _png(view.recognition.mask))
-        self._log(f"{root}/cleaned", _png(view.cleaning.mask))
-        contours = [region.contour_px for region in view.cleaning.regions]
-        self._log(f"{root}/contours", rr.LineStrips2D(contours, radii=-0.5, colors=(0, 255, 120)))
-        self._log(f"{root}/tried", _rings(view.circles.tried))
+    def write_pair(self, pair: StereoPair) -> None:
+        """Draw one frame in which nobody has looked for fruit yet."""
+        frames = {"left": pair.left, "right": pair.right}
+        pictures = {
+            side: self._rectification.view(side).picture(decode(frames[side])) for side in SIDES
+        }
+        self._draw_pair(pair, pictures)
+
+    def _draw_pair(self, pair: StereoPair, pictures: dict[Side, Any]) -> None:
+        draw_moment(self._rec, pair.index, pair.time_ns, self._first_ns)
+        for side, frame in zip(SIDES, (pair.left, pair.right), strict=True):
+            resampled = self._rectification.view(side).maps is not None
+            draw_picture(self._rec, side, frame, pictures[side], resampled=resampled)
+        draw_exposure(self._rec, pictures)
+        draw_truth(self._rec, pair.truth, self._rectification)
+        if self._rig.rangefinder is not None:
+            draw_beam(self._rec, self._rig.rangefinder, pair)
+        draw_pair(self._rec, pair)
+
+    def _draw_view(self, side: Side, pair: StereoPair, trace: Trace) -> None:
+        root, view, truth = f"world/{side}", trace.view(side), pair.truth
+        labels = None if truth is None else truth.left if side == "left" else truth.right
+        if labels is not None:
+            labels = self._rectification.view(side).labels(labels)
+        partial = truth is not None and truth.partial
+        self._rec.log(f"index/{side}", index_picture(view.recognition))
+        for name, mask in (("mask", view.recognition.mask), ("cleaned", view.cleaning.mask)):
+            self._rec.log(f"{root}/{name}", mask_picture(mask, labels, partial=partial))
+        contours = [_thinned(region.contour_px) for region in view.cleaning.regions]
+        self._rec.log(f"{root}/contours", rr.LineStrips2D(contours, radii=-0.5, colors=CONTOUR))
+        self._rec.log(f"{root}/tried", _rings(view.circles.tried))
         self._draw_fruit(side, view.circles, trace)
 
     def _draw_fruit(self, side: Side, circles: Circles, trace: Trace) -> None:
-        """The winning circles, numbered as the apples are; purple where nobody matched them."""
-        names, colours = {}, {}
+        """The winning circles, and at their rims, not over the fruit, the apples' numbers."""
+        numbers, ranges, colours = {}, {}, {}
         for number, apple in enumerate(trace.apples):
             place = apple.left if side == "left" else apple.right
             if place is None:
                 continue
-            metres = "" if apple.surface_range_m is None else f" {apple.surface_range_m:.3f} m"
-            names[place] = f"{number}{metres}"
+            far = "" if apple.surface_range_m is None else f": {apple.surface_range_m:.3f} m"
+            numbers[place], ranges[place] = str(number), f"{number}{far}"
             colours[place] = ALONE if apple.centre_m is None else ESTIMATE
         array = circles.as_array()
         order = range(len(array))
-        self._log(
+        shades = [colours.get(i, ALONE) for i in order]
+        self._rec.log(
             f"world/{side}/fruit",
             rr.Ellipses2D(
                 centers=array[:, :2],
                 half_sizes=array[:, [2, 2]],
-                colors=[colours.get(i, ALONE) for i in order],
-                labels=[names.get(i, "") for i in order],
-                show_labels=True,
+                colors=shades,
+                labels=[ranges.get(i, "") for i in order],
+                show_labels=False,
                 line_radii=-1.5,
+            ),
+        )
+        placed = [i for i in order if colours.get(i) == ESTIMATE]
+        self._rec.log(
+            f"world/{side}/numbers",
+            rr.Points2D(
+                array[placed, :2] + array[placed, 2:] * (0.0, 1.0),
+                radii=-1.0,
+                colors=ESTIMATE,
+                labels=[numbers[i] for i in placed],
+                show_labels=True,
             ),
         )
         if side == "left":
             line = trace.matching.reference_px
             height = trace.left.picture.shape[0]
             strips = [] if line is None else [[(line, 0), (line, height)]]
-            self._log("world/left/reference_line", rr.LineStrips2D(strips, colors=REFERENCE))
+            self._rec.log("world/left/reference_line", rr.LineStrips2D(strips, colors=REFERENCE))
 
-    def _draw_discs(self, side: Side, truth: FrameTruth | None) -> None:
-        discs: Discs | None = None
-        if truth is not None:
-            labels = truth.left if side == "left" else truth.right
-            if labels is not None:
-                labels = self._rectification.view(side).labels(labels)
-            discs = true_discs(truth, side, labels, self._rectification)
-        if discs is None:  # of the frame before there may have been some
-            self._log(f"world/{side}/truth", rr.Ellipses2D(centers=[], half_sizes=[]))
-            return
-        shown = [i for i, wanted in enumerate(discs.wanted) if wanted]
-        self._log(
-            f"world/{side}/truth",
-            rr.Ellipses2D(
-                centers=discs.circles[shown, :2],
-                half_sizes=discs.circles[shown][:, [2, 2]],
-                colors=TRUTH,
-                labels=[f"true {discs.ids[i]}" for i in shown],
-                show_labels=False,
-                line_radii=-1.0,
-            ),
-        )
-
-    def _draw_match(self, trace: Trace) -> None:
+    def _draw_match(self, trace: Trace, counts: FrameCounts) -> None:
         matching = trace.matching
         if matching.correlation.size:
-            left, right = matching.projections.astype(np.float32)
-            self._log("match/projection/left", rr.BarChart(left))
-            self._log("match/projection/right", rr.BarChart(right))
-            self._log("match/correlation", rr.BarChart(matching.correlation.astype(np.float32)))
-        # in the left view, a line from each fruit to where its partner is in the right one
-        lefts, rights = trace.left.circles.as_array(), trace.right.circles.as_array()
-        strips = [[lefts[i, :2], rights[j, :2]] for i, j in matching.pairs.tolist()]
-        self._log("world/left/matches", rr.LineStrips2D(strips, colors=ESTIMATE, radii=-0.7))
+            left, right = matching.projections.astype(np.uint16)  # pixels of a column
+            self._rec.log("match/projection/left", rr.BarChart(left, color=ESTIMATE))
+            self._rec.log("match/projection/right", rr.BarChart(right, color=ALONE))
+            shifts = matching.correlation.astype(np.float32)
+            self._rec.log("match/correlation", rr.BarChart(shifts, color=REFERENCE))
+        picture, share = joined_picture(trace.left.picture, trace.right.picture)
+        self._rec.log("match/views", picture)
+        beside = np.array([round(trace.left.picture.shape[1] * share), 0.0])
+        lefts = trace.left.circles.as_array() * share
+        rights = trace.right.circles.as_array() * share + (*beside, 0.0)
+        pairs = matching.pairs.tolist()
+        verdicts = [_verdict(i, j, counts) for i, j in pairs]
+        self._rec.log(
+            "match/lines",
+            rr.LineStrips2D(
+                [[lefts[i, :2], rights[j, :2]] for i, j in pairs],
+                colors=[colour for colour, _ in verdicts],
+                labels=[
+                    f"{words}, cost {cost:.3g}"
+                    for (_, words), cost in zip(verdicts, matching.cost.tolist(), strict=True)
+                ],
+                show_labels=False,
+                radii=-0.8,
+            ),
+        )
+        used = [{pair[view] for pair in pairs} for view in range(2)]
+        rings = np.vstack([lefts, rights])
+        partnered = [i in used[0] for i in range(len(lefts))]
+        partnered += [j in used[1] for j in range(len(rights))]
+        self._rec.log(
+            "match/circles",
+            rr.Ellipses2D(
+                centers=rings[:, :2],
+                half_sizes=rings[:, [2, 2]],
+                colors=[ESTIMATE if one else ALONE for one in partnered],
+                line_radii=-0.8,
+            ),
+        )
+        self._rec.log("match/table", _match_table(trace, verdicts))
 
-    def _draw_space(self, pair: StereoPair, trace: Trace) -> None:
+    def _draw_apples(self, trace: Trace) -> None:
         placed = [
             (number, apple.centre_m, apple.radius_m or 0.0)
             for number, apple in enumerate(trace.apples)
             if apple.centre_m is not None and max(map(abs, apple.centre_m)) < FAR_M
         ]
-        self._log(
+        self._rec.log(
             "world/apples",
             rr.Ellipsoids3D(
                 centers=[centre for _, centre, _ in placed],
                 radii=[radius for *_, radius in placed],
                 colors=ESTIMATE,
                 labels=[str(n) for n, *_ in placed],
+                show_labels=False,
                 fill_mode="solid",
             ),
         )
-        known = () if pair.truth is None else pair.truth.apples or ()
-        self._log(
-            "world/truth",
-            rr.Ellipsoids3D(
-                centers=[a.centre_m for a in known],
-                radii=[a.radius_m for a in known],
-                colors=TRUTH,
-                labels=[f"true {a.id}" for a in known],
-                show_labels=False,
-            ),
-        )
-        if self._rig.rangefinder is not None:
-            self._draw_beam(pair)
-
-    def _draw_beam(self, pair: StereoPair) -> None:
-        beam = self._rig.rangefinder
-        assert beam is not None
-        lengths = [r.range_m for r in pair.readings]
-        ends = [beam.origin_m + beam.direction * (BEAM_M if x is None else x) for x in lengths]
-        self._log(
-            "world/beam",
-            rr.LineStrips3D(
-                [[beam.origin_m, end] for end in ends],
-                colors=[FAINT if x is None else TRUTH for x in lengths],
-                labels=["no reading" if x is None else f"{x:.3f} m" for x in lengths],
-            ),
-        )
-
-    def _draw_numbers(self, pair: StereoPair, trace: Trace, decode_ns: int) -> None:
-        for stage, spent_ns in {"decode": decode_ns, **trace.stage_ns}.items():
-            self._log(f"time_ms/{stage}", rr.Scalars(spent_ns / 1e6))
-        counts = {
-            "left_fruit": len(trace.left.circles.fruit),
-            "right_fruit": len(trace.right.circles.fruit),
-            "matched": sum(a.centre_m is not None for a in trace.apples),
-            "readings": len(pair.readings),
-        }
-        for name, count in counts.items():
-            self._log(f"count/{name}", rr.Scalars(count))
 
 
-def _recorded(frame: Frame, view: ViewTrace) -> Any:
-    """The recorded bytes as they are, where a viewer can read them."""
-    if frame.encoding in COMPRESSED:
-        return rr.EncodedImage(contents=frame.data, media_type=MEDIA_TYPES[frame.encoding])
-    return _jpeg(view.picture)
+def _verdict(i: int, j: int, counts: FrameCounts) -> tuple[tuple[int, int, int], str]:
+    """The colour of a match and what it is; without truth only that it is one."""
+    if not counts.found_left or not counts.found_right:
+        return ESTIMATE, "match"
+    ids = counts.found_left[i], counts.found_right[j]
+    if ids == (None, None):
+        return (FALSE, "no apple") if counts.false_left[i : i + 1] == (True,) else (REJECTED, "?")
+    if ids[0] == ids[1]:
+        return HIT, f"right, apple {ids[0]}"
+    named = ("none" if one is None else str(one) for one in ids)
+    return FALSE, f"wrong, apples {' and '.join(named)}"
 
 
-def _jpeg(picture: Any) -> Any:
-    _, data = cv2.imencode(".jpg", picture, _JPEG)
-    return rr.EncodedImage(contents=data.tobytes(), media_type="image/jpeg")
+def _match_table(trace: Trace, verdicts: list[tuple[tuple[int, int, int], str]]) -> Any:
+    lines = ["| apple | cost | disparity | verdict |", "|--:|--:|--:|---|"]
+    number_of = {(a.left, a.right): n for n, a in enumerate(trace.apples)}
+    for (i, j), cost, (_, words) in zip(
+        trace.matching.pairs.tolist(), trace.matching.cost.tolist(), verdicts, strict=True
+    ):
+        number = number_of.get((i, j))
+        shift = None if number is None else trace.apples[number].disparity_px
+        shown = "" if shift is None else f"{shift:.1f} px"
+        lines.append(f"| {'' if number is None else number} | {cost:.3g} | {shown} | {words} |")
+    return rr.TextDocument("\n".join(lines), media_type=rr.MediaType.MARKDOWN)
 
 
-def _png(mask: Mask) -> Any:
-    """A mask as a 1-bit PNG: 20 to 30 KB where raw bytes are a megabyte."""
-    _, data = cv2.imencode(".png", mask, _PNG)
-    return rr.EncodedImage(contents=data.tobytes(), media_type="image/png", opacity=0.6)
+def _thinned(contour_px: npt.NDArray[np.int32]) -> npt.NDArray[np.int32]:
+    """A contour within a pixel of what it was, by a fifth of its points."""
+    return np.asarray(cv2.approxPolyDP(contour_px[:, None], 1.0, True), np.int32)[:, 0]
 
 
 def _rings(tried: npt.NDArray[np.float32]) -> Any:
@@ -290,5 +291,5 @@ def _rings(tried: npt.NDArray[np.float32]) -> Any:
     step = max(1, -(-len(tried) // RINGS_SHOWN))
     shown = tried[::step]
     return rr.Ellipses2D(
-        centers=shown[:, 1:3], half_sizes=shown[:, [3, 3]], colors=FAINT, line_radii=-0.3
+        centers=shown[:, 1:3], half_sizes=shown[:, [3, 3]], colors=(*REJECTED, 90), line_radii=-0.4
     )

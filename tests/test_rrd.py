@@ -1,5 +1,6 @@
 """Recordings, read back: every intermediate of both views, in order, with the recorded bytes."""
 
+import io
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
@@ -7,20 +8,32 @@ from typing import Any
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 import pytest
 import rerun as rr
 import rerun_cli
+from PIL import Image
 from rerun.chunk import RrdReader
 
 import processor.replay as module
+from processor.count import FrameCounts
 from processor.locate import Locator
+from processor.palette import ESTIMATE, FALSE
 from processor.recordings import join_recordings
 from processor.replay import Replayed, replay
 from processor.rrd import RrdWriter
+from processor.rrd_pictures import mask_picture
 from processor.trace import Trace
 from recorder.errors import PomologError
 from recorder.pictures import decode
-from recorder.records import SIDES, FrameTruth, RangeReading, StereoPair
+from recorder.records import (
+    SIDES,
+    UNCOUNTED,
+    FrameTruth,
+    Labels,
+    RangeReading,
+    StereoPair,
+)
 from recorder.rectify import rectify
 from recorder.rig import Camera, Rangefinder, Rig
 from recorder.session import Session
@@ -28,15 +41,15 @@ from tests.scenes import TINY, apple, small_rig, stereo_session, tiny_rig
 
 BEAM = Rangefinder(np.array([0.0, 0.05, 0.0]), np.array([0.0, 0.0, 1.0]), 0.001)
 OF_A_VIEW = (
-    "picture", "index", "mask", "cleaned", "contours", "tried", "fruit", "truth",
+    "picture", "mask", "cleaned", "contours", "tried", "fruit", "numbers", "truth",
 )  # fmt: skip
 OF_A_FRAME = (
-    "world/left/reference_line", "world/left/matches", "world/apples", "world/truth", "world/beam",
+    "world/left/reference_line", "world/apples", "world/truth", "world/beam",
+    "index/left", "index/right", "match/views", "match/circles", "match/lines", "match/table",
     "match/projection/left", "match/projection/right", "match/correlation",
-    "count/left_fruit", "count/right_fruit", "count/matched", "count/readings",
-    *(f"time_ms/{stage}" for stage in (
-        "decode", "rectify", "recognise", "clean", "circles", "match", "triangulate",
-    )),
+    "range/errors", "range/intervals", "range/readings", "range/table",
+    "count", "verdict", "false", "time_ms",
+    "health/overexposed", "health/brightness", "health/skew_ms",
 )  # fmt: skip
 
 
@@ -113,6 +126,36 @@ def test_the_recorded_jpegs_are_passed_through_byte_for_byte(
                 assert drawn[1].blob(f"world/{side}/picture", pair.index) == frame.data
 
 
+def classes_of(png: bytes) -> npt.NDArray[np.uint8]:
+    """A mask's classes: 0 nothing, 1 hit, 2 false, 3 missed."""
+    return np.asarray(Image.open(io.BytesIO(png)))
+
+
+def png_of(drawn: Any) -> bytes:
+    return bytes(drawn.blob.as_arrow_array().to_pylist()[0])
+
+
+def test_a_mask_tells_hits_from_mistakes_and_leaves_out_what_counts_neither_way() -> None:
+    mask = np.array([[255, 255, 0, 0, 255]], np.uint8)
+    labels = np.array([[3, 0, 3, 0, UNCOUNTED]], np.uint16)
+
+    def shown(known: Labels | None, *, partial: bool = False) -> list[int]:
+        drawn = mask_picture(mask, known, partial=partial)
+        return [int(n) for n in classes_of(png_of(drawn))[0]]
+
+    assert shown(labels) == [1, 2, 3, 0, 0]
+    assert shown(None) == [2, 2, 0, 0, 2]
+
+
+@pytest.mark.parametrize("partial", [False, True])
+def test_what_may_be_unlabelled_fruit_is_not_in_the_colour_of_mistakes(partial: bool) -> None:
+    mask, labels = np.full((8, 8), 255, np.uint8), np.zeros((8, 8), np.uint16)
+    drawn = mask_picture(mask, labels, partial=partial)
+    colour = Image.open(io.BytesIO(png_of(drawn))).convert("RGBA").getpixel((0, 0))
+    assert isinstance(colour, tuple)
+    assert colour[:3] == (ESTIMATE if partial else FALSE)
+
+
 def test_masks_are_drawn_pixel_for_pixel(drawn: tuple[Path, Recording]) -> None:
     with Session(drawn[0]) as session:
         for pair in session.pairs():
@@ -124,10 +167,8 @@ def test_masks_are_drawn_pixel_for_pixel(drawn: tuple[Path, Recording]) -> None:
                 for name, mask in (
                     ("mask", view.recognition.mask), ("cleaned", view.cleaning.mask),
                 ):  # fmt: skip
-                    png = np.frombuffer(drawn[1].blob(f"world/{side}/{name}", pair.index), np.uint8)
-                    shown = cv2.imdecode(png, cv2.IMREAD_GRAYSCALE)
-                    assert shown is not None
-                    np.testing.assert_array_equal(shown, mask)
+                    classes = classes_of(drawn[1].blob(f"world/{side}/{name}", pair.index))
+                    np.testing.assert_array_equal(np.isin(classes, (1, 2)), mask > 0)
 
 
 def test_circles_contours_and_places_are_those_of_the_trace(
@@ -145,7 +186,10 @@ def test_circles_contours_and_places_are_those_of_the_trace(
     tried = recording.at("world/left/tried", "Ellipses2D:centers", 0)
     assert np.asarray(tried) == pytest.approx(trace.left.circles.tried[:, 1:3])
     (contour,) = recording.at("world/left/contours", "LineStrips2D:strips", 0)
-    np.testing.assert_array_equal(contour, trace.left.cleaning.regions[0].contour_px)
+    outline = np.asarray(contour, np.float32)
+    assert len(outline) < len(trace.left.cleaning.regions[0].contour_px) / 3
+    for x, y in trace.left.cleaning.regions[0].contour_px.tolist():
+        assert abs(cv2.pointPolygonTest(outline, (x, y), True)) <= 1.01  # thinned to a pixel
     place = recording.at("world/apples", "Ellipsoids3D:centers", 0)
     assert np.asarray(place) == pytest.approx(np.array([trace.apples[0].centre_m]), rel=1e-6)
     line = recording.at("world/left/reference_line", "LineStrips2D:strips", 0)
@@ -200,8 +244,8 @@ def test_a_frame_without_truth_does_not_show_that_of_the_frame_before(tmp_path: 
     with RrdWriter(
         tmp_path / "trace.rrd", "id", session.rig, rectify(session.rig), first_ns=0, name="row"
     ) as drawing:
-        drawing.write(known, first, 0)
-        drawing.write(unknown, second, 0)
+        drawing.write(known, first, FrameCounts(), 0)
+        drawing.write(unknown, second, FrameCounts(), 0)
     session.close()
     recording = Recording(tmp_path / "trace.rrd")
     for entity, column in (
@@ -221,7 +265,7 @@ def test_truth_without_apples_or_labels_is_drawn_as_nothing(tmp_path: Path) -> N
     with RrdWriter(
         tmp_path / "trace.rrd", "id", session.rig, rectify(session.rig), first_ns=0, name="row"
     ) as drawing:
-        drawing.write(pair, trace, 0)
+        drawing.write(pair, trace, FrameCounts(), 0)
     session.close()
     recording = Recording(tmp_path / "trace.rrd")
     assert recording.at("world/left/truth", "Ellipses2D:centers", 0) == []
@@ -285,9 +329,11 @@ def test_joined_slices_say_what_one_slice_says(
     joined, whole = Recording(in_slices), Recording(done.out / "trace.rrd")
     assert joined.columns.keys() == whole.columns.keys()
     for entity, frames in whole.frames.items():
-        if entity.startswith("time_ms"):
+        if entity == "time_ms":
             continue  # no two runs take equally long
-        for column in whole.columns[entity]:
+        for column, rows in whole.columns[entity].items():
+            if len(rows) != len(frames):
+                continue  # static
             for frame in frames:
                 assert joined.at(entity, column, frame) == whole.at(entity, column, frame)
 
