@@ -11,11 +11,11 @@ from typer.testing import CliRunner
 
 from processor.cli import app
 from processor.experiments.causes import CAUSES
-from processor.experiments.item import shown
 from processor.experiments.material import find_material, sample
 from processor.experiments.paper import ITEMS, Made, chosen_items, make_paper, pairs_to_look_at
 from processor.experiments.segmentation import picture_hits
 from processor.experiments.work import source_digest
+from processor.page_parts import shown
 from recorder.errors import PomologError
 from tests.orchard_sets import hung, row_of, write_set, write_sets
 

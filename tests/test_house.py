@@ -36,7 +36,7 @@ KEEPERS = {
     },
     "rerun_cli": {"processor.recordings"},
     "pyarrow": {"processor.results"},
-    "matplotlib": {"processor.experiments.charts"},
+    "matplotlib": {"processor.charts"},
     "pydantic": {
         "recorder.rig",
         "recorder.equipment",

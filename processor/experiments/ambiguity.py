@@ -6,16 +6,17 @@ from typing import Final
 
 import numpy as np
 
+from processor import charts
 from processor.clean import AreaRule
 from processor.count import count_frame
-from processor.experiments import charts
 from processor.experiments.distances import measure_distances
-from processor.experiments.item import Column, Figure, Item, Scalar, Table, percent
+from processor.experiments.item import Item
 from processor.experiments.material import Material, describe, for_matching
 from processor.experiments.windows import ring_of
 from processor.experiments.work import Bench, Row, Sample, array_of
 from processor.locate import Locator
 from processor.match import AreaInOrder
+from processor.page_parts import Column, Figure, Scalar, Table, percent
 from processor.recognise import ColourRatio, RedMinusLuma, TwoRedMinusGreenBlue
 from processor.score import detection, matches
 from processor.trace import Recogniser

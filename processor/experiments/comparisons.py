@@ -6,11 +6,11 @@ from typing import Final
 import numpy as np
 from scipy import stats
 
-from processor.experiments import charts
+from processor import charts
 from processor.experiments.distance_figure import figure_8
 from processor.experiments.distances import TRUTHS, Measurements, measure_distances
 from processor.experiments.distances import measurements as measured
-from processor.experiments.item import Claim, Column, Figure, Item, Scalar, Table, Verdict
+from processor.experiments.item import Claim, Item, Verdict
 from processor.experiments.material import Material, describe
 from processor.experiments.statistics import (
     TTest,
@@ -22,6 +22,7 @@ from processor.experiments.statistics import (
     unpaired,
 )
 from processor.experiments.work import Bench, Row
+from processor.page_parts import Column, Figure, Scalar, Table
 
 # Table 2: pair of conditions -> its t and whether the paper calls it significant
 PAPER: Final = {

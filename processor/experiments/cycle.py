@@ -8,11 +8,12 @@ from typing import Final
 
 import numpy as np
 
-from processor.experiments import charts
-from processor.experiments.item import Claim, Column, Figure, Item, Scalar, Table
+from processor import charts
+from processor.experiments.item import Claim, Item
 from processor.experiments.material import Material, describe
 from processor.experiments.work import Bench, Row, Sample
 from processor.locate import Locator
+from processor.page_parts import Column, Figure, Scalar, Table
 from processor.results import STAGES
 from recorder.pictures import decode
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from processor.experiments import charts
+from processor import charts
 from processor.experiments.distances import (
     CONDITIONS,
     METHODS,
@@ -15,11 +15,12 @@ from processor.experiments.distances import (
     condition_of,
     measurements,
 )
-from processor.experiments.item import Claim, Column, Figure, Item, Scalar, Table, Verdict
+from processor.experiments.item import Claim, Item, Verdict
 from processor.experiments.work import Row, array_of
+from processor.page_parts import Column, Figure, Scalar, Table
 
 if TYPE_CHECKING:
-    from processor.experiments.charts import Axes
+    from processor.charts import Axes
 
 
 def figure_8(rows: Sequence[Row], material: str) -> Item:

@@ -5,22 +5,13 @@ from typing import Final
 
 import numpy as np
 
-from processor.experiments import charts
-from processor.experiments.item import (
-    Claim,
-    Column,
-    Figure,
-    Item,
-    Scalar,
-    Table,
-    Verdict,
-    percent,
-    shown,
-)
+from processor import charts
+from processor.experiments.item import Claim, Item, Verdict
 from processor.experiments.material import LIGHTS, Material, describe
 from processor.experiments.segmentation import RULE_OF_METHOD, measure_pixels
 from processor.experiments.statistics import bootstrap_shares
 from processor.experiments.work import Bench, Row
+from processor.page_parts import Column, Figure, Scalar, Table, percent, shown
 from processor.score import detection
 
 RULES: Final = ("signed", "difference", "absolute", "2R-G-B", "Y-R")

@@ -1,13 +1,12 @@
 """One item of the paper, reproduced: its claims beside ours, its tables, figures and sentences."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal
 
-Scalar = str | int | float | bool | None
-Verdict = Literal["holds", "in part", "does not hold", "not in the paper", "not scored"]
+from processor.page_parts import Column, Figure, Table
 
-NOT_SCORED = "not scored"
+Verdict = Literal["holds", "in part", "does not hold", "not in the paper", "not scored"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,40 +39,6 @@ class Claim:
     def difference(self) -> float | None:
         """Ours minus the paper's."""
         return None if self.paper is None or self.ours is None else self.ours - self.paper
-
-
-@dataclass(frozen=True, slots=True)
-class Column:
-    """A table's column: its heading and how many digits its numbers show after the point."""
-
-    label: str
-    digits: int = 1
-
-
-@dataclass(frozen=True, slots=True)
-class Table:
-    """Rows for people and for Parquet; None is "not scored", a dash in print.
-
-    Attributes:
-        name: of its files.
-        caption: one sentence.
-        columns: key -> column.
-        rows: one mapping a row; keys that are no column go to Parquet alone.
-    """
-
-    name: str
-    caption: str
-    columns: Mapping[str, Column]
-    rows: Sequence[Mapping[str, Scalar]]
-
-
-@dataclass(frozen=True, slots=True)
-class Figure:
-    """A drawn figure. `png` is empty once it has been written to the disk."""
-
-    name: str
-    caption: str
-    png: bytes = b""
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,25 +100,3 @@ def item_from_json(told: Mapping[str, Any]) -> Item:
         figures=tuple(Figure(**figure) for figure in told["figures"]),
         not_run=told["not_run"],
     )
-
-
-def shown(value: Scalar, digits: int = 1, *, signed: bool = False) -> str:
-    """A table's cell: numbers with their digits, a dash where nothing was scored."""
-    if value is None:
-        return "–"
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    if isinstance(value, float):
-        text = format(value, f"{'+' if signed else ''}.{digits}f")
-        return text.replace("-", "−") if any(c in "123456789" for c in text) else text.lstrip("-")
-    return f"{value:+d}" if signed and isinstance(value, int) else str(value)
-
-
-def percent(share: float | None) -> float | None:
-    """A share as percent; None stays None."""
-    return None if share is None else 100.0 * share
-
-
-def millimetres(metres: float | None) -> float | None:
-    """Metres as millimetres; None stays None."""
-    return None if metres is None else 1000.0 * metres

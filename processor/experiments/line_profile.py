@@ -7,15 +7,16 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 import numpy.typing as npt
 
+from processor import charts
 from processor.count import true_discs
-from processor.experiments import charts
-from processor.experiments.item import Claim, Column, Figure, Item, Scalar, Table, percent
+from processor.experiments.item import Claim, Item
 from processor.experiments.material import Material, describe
 from processor.experiments.work import Bench, Row, Sample, samples
+from processor.page_parts import Column, Figure, Scalar, Table, percent
 from recorder.records import UNCOUNTED, Picture
 
 if TYPE_CHECKING:
-    from processor.experiments.charts import Axes
+    from processor.charts import Axes
 
 LEAST_VISIBLE: Final = 0.9  # of the fruit that a line is drawn across
 REACH: Final = 2.5  # radii that the line goes either way

@@ -4,24 +4,25 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final
 
+from processor import charts
 from processor.circles import RandomRing
 from processor.count import FrameCounts, count_frame
-from processor.experiments import charts
 from processor.experiments.causes import CAUSES, PAPERS_CAUSES, causes
-from processor.experiments.item import Claim, Column, Figure, Item, Scalar, Table, Verdict, percent
+from processor.experiments.item import Claim, Item, Verdict
 from processor.experiments.material import Material, Source, describe, for_matching
 from processor.experiments.outlines import as_recognition, discs_of, true_fruit
 from processor.experiments.windows import ring_of
 from processor.experiments.work import Bench, Row, Sample, samples
 from processor.locate import Locator, Stopwatch
 from processor.match import AreaInOrder
+from processor.page_parts import Column, Figure, Scalar, Table, percent
 from processor.score import matches, wilson95
 from processor.trace import Look, Matching, Trace, ViewTrace
 from recorder.records import SIDES, Labels, Side
 from recorder.rectify import Rectification
 
 if TYPE_CHECKING:
-    from processor.experiments.charts import Axes
+    from processor.charts import Axes
 
 PAPER_RIGHT: Final = 308  # Sec. 3.3: 323 pairs of apples, 15 of them incorrectly matched
 PAPER_ALL: Final = 323

@@ -1,22 +1,28 @@
 """The page: every item beside the paper's value, in one HTML file with its figures inside."""
 
-import base64
 from collections.abc import Iterator, Mapping, Sequence
 from html import escape
 from pathlib import Path
 from typing import Any, Final
 
-from processor.experiments.item import NOT_SCORED, Claim, Item, Table, Verdict, shown
-from processor.experiments.page_style import STYLE
-from processor.experiments.store import figure_path, is_number
+from processor.experiments.item import Claim, Item, Verdict
+from processor.experiments.store import figure_path
+from processor.page_parts import (
+    NOT_SCORED,
+    Head,
+    document,
+    folded,
+    grid,
+    picture_figure,
+    shown,
+    table_html,
+)  # fmt: skip
 
 TITLE: Final = "Location of apples in trees using stereoscopic vision, reproduced"
 _CLASSES: Final[dict[Verdict, str]] = {
     "holds": "holds", "in part": "part", "does not hold": "fails", "not in the paper": "none",
     "not scored": "none",
 }  # fmt: skip
-WORDS: Final = 12  # characters above which a column is not to be squeezed
-LONG_TABLE: Final = 12  # rows above which a table is folded on the screen
 
 
 def page(items: Sequence[Item], about: Mapping[str, Any], out: Path) -> str:
@@ -27,18 +33,8 @@ def page(items: Sequence[Item], about: Mapping[str, Any], out: Path) -> str:
         about: what was run: version, folder, fraction, sessions.
         out: where the figures lie.
     """
-    return "\n".join(
-        (
-            "<!doctype html>",
-            '<html lang="en"><head><meta charset="utf-8">',
-            '<meta name="viewport" content="width=device-width, initial-scale=1">',
-            f"<title>{escape(TITLE)}</title><style>{STYLE}</style></head><body><main>",
-            *_head(items, about),
-            *(line for item in items for line in _section(item, out)),
-            "</main></body></html>",
-            "",
-        )
-    )
+    body = (*_head(items, about), *(line for item in items for line in _section(item, out)))
+    return document(TITLE, body)
 
 
 def _head(items: Sequence[Item], about: Mapping[str, Any]) -> Iterator[str]:
@@ -77,13 +73,10 @@ def _not_run(items: Sequence[Item]) -> str:
 
 
 def _material(about: Mapping[str, Any]) -> Iterator[str]:
-    yield "<details><summary>The sessions</summary><div class='scroll'><table>"
     heads = ("session", "set", "pairs used", "of", "split", "fingerprint")
-    yield "<thead><tr>" + "".join(f"<th>{h}</th>" for h in heads) + "</tr></thead><tbody>"
-    for session in about["sessions"]:
-        cells = (session[key] for key in ("name", "set", "used", "pairs", "split", "fingerprint"))
-        yield "<tr>" + "".join(f"<td>{escape(str(cell))}</td>" for cell in cells) + "</tr>"
-    yield "</tbody></table></div></details>"
+    keys = ("name", "set", "used", "pairs", "split", "fingerprint")
+    rows = [[escape(str(session[key])) for key in keys] for session in about["sessions"]]
+    yield folded("The sessions", grid([Head(h) for h in heads], rows))
     for line in about["refused"]:
         yield f'<p class="notrun">Not used: {escape(line)}</p>'
 
@@ -100,45 +93,36 @@ def _section(item: Item, out: Path) -> Iterator[str]:
     if item.claims:
         yield _claims([(item, claim) for claim in item.claims], named=False)
     for figure in item.figures:
-        picture = base64.b64encode(figure_path(out, figure.name).read_bytes()).decode()
-        yield (
-            f'<figure><img alt="{escape(figure.caption)}" src="data:image/png;base64,{picture}">'
-            f"<figcaption>{escape(figure.caption)}</figcaption></figure>"
-        )
+        yield picture_figure(figure_path(out, figure.name).read_bytes(), figure.caption)
     for table in item.tables:
-        yield from _table(table)
+        yield table_html(table)
     yield f'<p class="method"><b>How.</b> {escape(item.method)}</p>'
     yield f'<p class="material"><b>On.</b> {escape(item.material)}</p></section>'
 
 
 def _claims(pairs: Sequence[tuple[Item, Claim]], *, named: bool) -> str:
-    heads = ["what", "paper", "ours", "difference", "", "what it means"]
-    numbers = {"paper", "ours", "difference"}
+    heads = [
+        Head("what"), Head("paper", "n"), Head("ours", "n"), Head("difference", "n"), Head(""),
+        Head("what it means"),
+    ]  # fmt: skip
     rows = []
     before = ""
     for item, claim in pairs:
         cells = []
         if named:
             same = item.id == before
-            cells.append(f'<td><a href="#{item.id}">{"" if same else escape(item.source)}</a></td>')
+            cells.append(f'<a href="#{item.id}">{"" if same else escape(item.source)}</a>')
             before = item.id
         cells += [
-            f"<td>{escape(claim.what)}</td>",
-            f'<td class="n">{_value(claim.paper, claim)}</td>',
-            f'<td class="n">{_value(claim.ours, claim)}{_interval(claim)}</td>',
-            f'<td class="n">{_difference(claim)}</td>',
-            f'<td class="verdict {_CLASSES[claim.verdict]}">{escape(claim.verdict)}</td>',
-            f"<td>{escape(claim.sentence)}</td>",
+            escape(claim.what),
+            _value(claim.paper, claim),
+            f"{_value(claim.ours, claim)}{_interval(claim)}",
+            _difference(claim),
+            f'<span class="verdict {_CLASSES[claim.verdict]}">{escape(claim.verdict)}</span>',
+            escape(claim.sentence),
         ]
-        rows.append(f"<tr>{''.join(cells)}</tr>")
-    head = "".join(
-        f'<th class="n">{h}</th>' if h in numbers else f"<th>{h}</th>"
-        for h in (["item", *heads] if named else heads)
-    )
-    return (
-        f'<div class="scroll"><table class="claims"><thead><tr>{head}</tr></thead>'
-        f"<tbody>{''.join(rows)}</tbody></table></div>"
-    )
+        rows.append(cells)
+    return grid([Head("item"), *heads] if named else heads, rows, kind="claims")
 
 
 def _value(value: float | None, claim: Claim) -> str:
@@ -160,43 +144,6 @@ def _interval(claim: Claim) -> str:
 
 def _difference(claim: Claim) -> str:
     return "–" if claim.difference is None else shown(claim.difference, claim.digits, signed=True)
-
-
-def _table(table: Table) -> Iterator[str]:
-    if not table.rows:
-        yield f'<p class="method">{escape(table.caption)} There is none.</p>'
-        return
-    numeric = {key: is_number(table, key) for key in table.columns}
-    kinds = {key: " class=n" if numeric[key] else _words(table, key) for key in table.columns}
-    folded = len(table.rows) > LONG_TABLE
-    if folded:
-        yield f"<details><summary>{escape(table.caption)} ({len(table.rows)} rows)</summary>"
-    yield '<div class="scroll"><table>'
-    if not folded:
-        yield f"<caption>{escape(table.caption)}</caption>"
-    yield (
-        "<thead><tr>"
-        + "".join(
-            f"<th{' class=n' if numeric[key] else ''}>{escape(column.label)}</th>"
-            for key, column in table.columns.items()
-        )
-        + "</tr></thead><tbody>"
-    )
-    for row in table.rows:
-        yield (
-            "<tr>"
-            + "".join(
-                f"<td{kinds[key]}>{escape(shown(row.get(key), column.digits))}</td>"
-                for key, column in table.columns.items()
-            )
-            + "</tr>"
-        )
-    yield "</tbody></table></div>" + ("</details>" if folded else "")
-
-
-def _words(table: Table, key: str) -> str:
-    longest = max(len(str(row.get(key) or "")) for row in table.rows)
-    return " class=words" if longest > WORDS else ""
 
 
 def as_markdown(items: Sequence[Item]) -> str:

@@ -8,14 +8,16 @@ from typing import Final
 import cv2
 import numpy as np
 
+from processor import charts
 from processor.circles import RandomRing
 from processor.clean import AreaRule
 from processor.count import count_frame, disc_iou
-from processor.experiments import charts, story
-from processor.experiments.item import Claim, Column, Figure, Item, Scalar, Table, percent
+from processor.experiments import story
+from processor.experiments.item import Claim, Item
 from processor.experiments.segmentation import RULES
 from processor.experiments.windows import ring_of
 from processor.locate import Locator
+from processor.page_parts import Column, Figure, Scalar, Table, percent
 from processor.trace import Floats, Recogniser
 from recorder.errors import PomologError
 from recorder.records import UNCOUNTED, Labels, Picture

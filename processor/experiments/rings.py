@@ -7,13 +7,14 @@ from typing import Final
 import cv2
 import numpy as np
 
+from processor import charts
 from processor.circles import HoughCircles, RandomRing
 from processor.count import disc_iou
-from processor.experiments import charts
-from processor.experiments.item import Claim, Column, Figure, Item, Scalar, Table, Verdict
+from processor.experiments.item import Claim, Item, Verdict
 from processor.experiments.material import Material, Source, describe
 from processor.experiments.outlines import Outline, as_recognition, outlines
 from processor.experiments.work import Bench, Row, Sample, samples
+from processor.page_parts import Column, Figure, Scalar, Table
 from processor.trace import CircleFinder, Look
 from recorder.records import Picture
 

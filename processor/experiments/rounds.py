@@ -8,12 +8,13 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from processor import charts
 from processor.circles import RandomRing
-from processor.experiments import charts
-from processor.experiments.item import Claim, Column, Figure, Item, Scalar, Table
+from processor.experiments.item import Claim, Item
 from processor.experiments.material import Material, Source, describe
 from processor.experiments.outlines import outlines
 from processor.experiments.work import samples
+from processor.page_parts import Column, Figure, Scalar, Table
 
 ROUNDS: Final = (5, 10, 20, 30, 40, 50, 60, 70, 80, 90, 100, 200, 400, 600, 800, 1000, 1500)
 REPEATS: Final = 100  # Sec. 3.2

@@ -5,13 +5,14 @@ from typing import Final
 
 import numpy as np
 
+from processor import charts
 from processor.clean import AreaRule
 from processor.count import count_pixels
-from processor.experiments import charts
-from processor.experiments.item import Claim, Column, Figure, Item, Scalar, Table, Verdict, percent
+from processor.experiments.item import Claim, Item, Verdict
 from processor.experiments.material import LIGHTS, Material, describe
 from processor.experiments.statistics import bootstrap_shares
 from processor.experiments.work import Bench, Row, Sample
+from processor.page_parts import Column, Figure, Scalar, Table, percent
 from processor.recognise import ColourRatio, RedMinusLuma, TwoRedMinusGreenBlue
 from processor.score import detection
 from processor.trace import Recogniser

@@ -6,11 +6,11 @@ from typing import Final
 import cv2
 import numpy as np
 
-from processor.experiments import charts
-from processor.experiments.item import Figure
+from processor import charts
 from processor.experiments.material import Source
 from processor.experiments.segmentation import RULE_OF_METHOD, RULES
 from processor.experiments.work import Sample, samples
+from processor.page_parts import Figure
 from processor.trace import Mask
 from recorder.records import UNCOUNTED, Labels, Picture
 from recorder.session import Session

@@ -6,7 +6,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from processor.experiments.item import Item, Scalar, Table, item_from_json, shown
+from processor.experiments.item import Item, item_from_json
+from processor.page_parts import Table, is_number, shown
 from processor.results import write_table
 from recorder.files import replacing
 
@@ -72,11 +73,3 @@ def markdown(table: Table) -> str:
         cells = [shown(row.get(key), column.digits) for key, column in columns.items()]
         lines.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
     return "\n".join(lines) + "\n"
-
-
-def is_number(table: Table, key: str) -> bool:
-    """Whether a column has numbers: they stand right, and names left."""
-    values: list[Scalar] = [row.get(key) for row in table.rows]
-    return any(isinstance(value, int | float) for value in values) or all(
-        value is None for value in values
-    )

@@ -1,4 +1,4 @@
-"""How figures look: one palette, one size, PNG out. The object interface alone: no global state."""
+"""How figures look: one palette, PNG or SVG out. The object interface alone: no global state."""
 
 import io
 from collections.abc import Iterator, Sequence
@@ -22,6 +22,9 @@ PURPLE: Final = "#CC79A7"
 SKY: Final = "#56B4E9"
 GREY: Final = "#6e6e6e"
 SERIES: Final = (BLUE, RED, GREEN, ORANGE, PURPLE, SKY)
+INK: Final = "#1c1e21"  # of SVG, that a page puts its own inks for: processor.page_parts.INKS
+SOFT: Final = "#5b6168"
+LINE: Final = "#d9dce0"
 MARKERS: Final = ("o", "s", "^", "D", "v", "P")
 
 _STYLE: Final[Any] = {
@@ -43,6 +46,19 @@ _STYLE: Final[Any] = {
     "figure.facecolor": "white",
     "savefig.facecolor": "white",
 }
+_ON_A_PAGE: Final[Any] = {  # a page has a ground of its own, light or dark
+    "text.color": INK,
+    "axes.labelcolor": INK,
+    "axes.edgecolor": SOFT,
+    "axes.titlecolor": INK,
+    "xtick.color": SOFT,
+    "ytick.color": SOFT,
+    "grid.color": LINE,
+    "axes.facecolor": "none",
+    "figure.facecolor": "none",
+    "savefig.facecolor": "none",
+    "svg.hashsalt": "pomolog",  # the same numbers give the same file
+}
 DPI: Final = 160
 
 
@@ -59,6 +75,27 @@ def drawing(width_in: float = 7.0, height_in: float = 3.2) -> Iterator[tuple["Sh
         buffer = io.BytesIO()
         # no date and no version: the same numbers give the same file
         sheet.savefig(buffer, format="png", dpi=DPI, metadata={"Software": None})
+        done.append(buffer.getvalue())
+
+
+@contextmanager
+def drawing_for_page(
+    width_in: float = 7.0, height_in: float = 3.2
+) -> Iterator[tuple["Sheet", list[str]]]:
+    """A sheet to draw on; after the block, its SVG is the list's one element.
+
+    Its axes have the inks INK, SOFT and LINE, which `page_parts.drawing_figure` turns into the
+    page's own.
+    """
+    import matplotlib as mpl
+    from matplotlib.figure import Figure as Sheet
+
+    done: list[str] = []
+    with mpl.rc_context(_STYLE | _ON_A_PAGE):
+        sheet = Sheet(figsize=(width_in, height_in), layout="constrained")
+        yield sheet, done
+        buffer = io.StringIO()
+        sheet.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
         done.append(buffer.getvalue())
 
 
