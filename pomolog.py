@@ -31,6 +31,7 @@ COMMANDS: Final[dict[str, Command]] = {
     "score": Command("processor.cli", "hits, false positives, matches and distance errors"),
     "paper": Command("processor.cli", "every table and figure of the paper, beside ours"),
     "view": Command("viewer.cli", "open a run, or a session, in Rerun"),
+    "report": Command("viewer.cli", "one page to send: score, plots, worst cases in pictures"),
     "demo": Command("viewer.cli", "all of it, on a session that comes with pomolog"),
 }
 

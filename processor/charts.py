@@ -3,6 +3,7 @@
 import io
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import cv2
@@ -120,3 +121,11 @@ def outline(
     axes.add_patch(
         Circle((x, y), radius, fill=False, color=colour, lw=1.4, ls=style, label=label or None)
     )
+
+
+def font_file(*, bold: bool = False) -> Path:
+    """The type that figures are set in, for who draws text on pictures."""
+    import matplotlib as mpl
+
+    name = "DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf"
+    return Path(mpl.get_data_path()) / "fonts" / "ttf" / name

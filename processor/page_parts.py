@@ -8,6 +8,7 @@ from html import escape
 from typing import Final
 
 from processor.page_style import STYLE
+from processor.palette import ESTIMATE, TRUTH, as_hex
 
 Scalar = str | int | float | bool | None
 
@@ -208,4 +209,7 @@ def drawing_figure(svg: str, name: str, caption: str, *, alt: str = "") -> str:
 
 
 # the inks that charts draw with -> the page's, which are others in the dark
-INKS: Final = {"#1c1e21": "ink", "#5b6168": "soft", "#d9dce0": "line"}
+INKS: Final = {
+    "#1c1e21": "ink", "#5b6168": "soft", "#d9dce0": "line", as_hex(ESTIMATE): "estimate",
+    as_hex(TRUTH): "truth",
+}  # fmt: skip

@@ -5,10 +5,10 @@ from typing import Final
 STYLE: Final = """
 :root { color-scheme: light dark; --ink: #1c1e21; --soft: #5b6168; --line: #d9dce0;
   --ground: #ffffff; --card: #f6f7f8; --link: #0b62a8; --holds: #0b6e4f; --part: #8a5a00;
-  --fails: #a5281b; }
+  --fails: #a5281b; --estimate: #c26a00; --truth: #1a73c7; }
 @media (prefers-color-scheme: dark) { :root { --ink: #e6e7e9; --soft: #a2a8b0; --line: #3a3f46;
   --ground: #16181b; --card: #1f2226; --link: #7fb8ee; --holds: #5fcca3; --part: #e0b15c;
-  --fails: #f08a7c; } }
+  --fails: #f08a7c; --estimate: #f5a32e; --truth: #5eb0f5; } }
 * { box-sizing: border-box; }
 html { font-size: 16px; }
 body { margin: 0; background: var(--ground); color: var(--ink);
@@ -45,6 +45,8 @@ table.claims { width: 100%; }
 figure { margin: 1.2rem 0 1.8rem; }
 figure img { display: block; width: 100%; max-width: 56rem; height: auto; background: #fff;
   border: 1px solid var(--line); border-radius: 6px; padding: .5rem; }
+figure.drawing svg { display: block; width: 100%; max-width: 56rem; height: auto; }
+th.part-of { color: var(--soft); padding-top: .9rem; }
 figcaption { margin-top: .5rem; max-width: 46rem; }
 .notrun { background: var(--card); border-left: 4px solid var(--part); padding: .7rem 1rem;
   max-width: 46rem; }
@@ -55,7 +57,8 @@ nav a { display: block; padding: .1rem 0; break-inside: avoid; }
 details summary { cursor: pointer; color: var(--soft); font-size: .88rem; }
 @media (max-width: 40rem) { nav { columns: 1; } main { padding: 1.2rem .9rem 3rem; } }
 @media print { :root { --ink: #000; --soft: #444; --line: #bbb; --ground: #fff; --card: #f4f4f4;
-    --link: #000; --holds: #0b5e44; --part: #704900; --fails: #8c1f13; }
+    --link: #000; --holds: #0b5e44; --part: #704900; --fails: #8c1f13;
+    --estimate: #b35f00; --truth: #145ea6; }
   @page { margin: 16mm 14mm; }
   html { font-size: 12px; }
   main { max-width: none; padding: 0; }

@@ -165,7 +165,9 @@ def _replay_session(
         parts = _write_results(path, out, run, locator, pool, tick)
         seconds = perf_counter() - started
         with replacing(out / "run.json") as part:
-            part.write_text(json.dumps({**run, "seconds": round(seconds, 3)}, indent=2) + "\n")
+            # where it lay is for who wants to see a frame again; the results don't depend on it
+            told = {**run, "path": str(path.resolve()), "seconds": round(seconds, 3)}
+            part.write_text(json.dumps(told, indent=2) + "\n")
         shutil.rmtree(parts)
     return Replayed(path, out, pairs, seconds, resumed=False, warning=_warning(path, out))
 

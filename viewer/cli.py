@@ -1,5 +1,6 @@
-"""The viewer's commands: view and demo."""
+"""The viewer's commands: view, report, sheet and demo."""
 
+import json
 import shutil
 from pathlib import Path
 from typing import Annotated
@@ -30,6 +31,31 @@ def view(
     from viewer.open import lay_out, open_viewer, recordings
 
     open_viewer(lay_out(recordings(path)), web=web)
+
+
+@app.command(epilog="Example: pomolog report results -o report.html")
+def report(
+    out: Annotated[list[Path], typer.Argument(metavar="OUT...", help="Folders of results.")],
+    page: Annotated[Path, typer.Option("--out", "-o", help="The page to write (.html).")],
+    by: Annotated[str, typer.Option(help="Score by this condition.")] = "lighting",
+    worst: Annotated[int, typer.Option(min=0, help="Worst cases to show, of each method.")] = 10,
+    session: Annotated[
+        list[Path] | None, typer.Option(help="Where a session lies now; a file or a folder.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+) -> None:
+    """One page to send: what was run, the score, plots, the ledger, the worst cases in pictures."""
+    from recorder.files import replacing
+    from viewer.report import make_report
+
+    made = make_report(out, by=by, worst=worst, moved=session or ())
+    with replacing(page) as part:
+        part.write_text(made.html, encoding="utf-8")
+    size = page.stat().st_size
+    if as_json:
+        print(json.dumps({"report": str(page), "bytes": size, **made.told}, indent=2))
+    else:
+        print(f"{page}: {size / 1e6:.1f} MB")
 
 
 @app.command(epilog="Example: pomolog demo")
