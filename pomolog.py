@@ -32,6 +32,7 @@ COMMANDS: Final[dict[str, Command]] = {
     "paper": Command("processor.cli", "every table and figure of the paper, beside ours"),
     "view": Command("viewer.cli", "open a run, or a session, in Rerun"),
     "report": Command("viewer.cli", "one page to send: score, plots, worst cases in pictures"),
+    "sheet": Command("viewer.cli", "every stage of one frame in one picture"),
     "demo": Command("viewer.cli", "all of it, on a session that comes with pomolog"),
 }
 

@@ -58,6 +58,29 @@ def report(
         print(f"{page}: {size / 1e6:.1f} MB")
 
 
+@app.command(epilog="Example: pomolog sheet results/demo --frame 3 -o sheet.png")
+def sheet(
+    out: Annotated[Path, typer.Argument(metavar="OUT", help="Results of one session.")],
+    frame: Annotated[int, typer.Option(min=0, help="Which pair of the session.")],
+    picture: Annotated[Path, typer.Option("--out", "-o", help="The picture to write (.png).")],
+    session: Annotated[
+        Path | None, typer.Option(help="Where the session lies now; a file or a folder.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+) -> None:
+    """Every stage of one frame in one picture; the frame is located again, as the run did it."""
+    from recorder.files import replacing
+    from viewer.sheet import make_sheet
+
+    made = make_sheet(out, frame, [session] if session else ())
+    with replacing(picture) as part:
+        part.write_bytes(made.png)
+    if as_json:
+        print(json.dumps({"sheet": str(picture), **made.told}, indent=2))
+    else:
+        print(f"{picture}: {' x '.join(map(str, made.told['size_px']))} px")
+
+
 @app.command(epilog="Example: pomolog demo")
 def demo(
     out: Annotated[Path, typer.Option("--out", "-o", help="Folder for the results.")] = Path(
