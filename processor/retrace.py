@@ -36,19 +36,21 @@ class Retraced:
     truth: tuple[Row, ...]  # as in its truth.parquet
 
 
-def session_of(run: Run, moved: Sequence[Path] = ()) -> Path:
+def session_of(run: Run, moved: Sequence[Path] = (), *, or_where_it_lay: bool = True) -> Path:
     """The file that a run was made of, as it was then.
 
     Args:
         run: the run.
-        moved: files or folders to look at before where it lay.
+        moved: files or folders where it may lie now.
+        or_where_it_lay: look there too.
 
     Raises:
         PomologError: it is not there, or it is another one by now.
     """
     told = run.about["session"]
     lay = Path(run.about.get("path") or told["file"])
-    places = [*(path / told["file"] if path.is_dir() else path for path in moved), lay]
+    places = [path / told["file"] if path.is_dir() else path for path in moved]
+    places += [lay] if or_where_it_lay else []
     there = [path for path in places if path.is_file()]
     if not there:
         raise PomologError(
@@ -88,7 +90,7 @@ def retrace(run: Run, frame: int, moved: Sequence[Path] = ()) -> Retraced:
     Args:
         run: the run.
         frame: which pair of its session.
-        moved: where to look for the session before where it lay.
+        moved: where the session lies now; empty: where it lay.
 
     Raises:
         PomologError: the session or a model is gone or changed, there is no such frame, or this
@@ -100,7 +102,8 @@ def retrace(run: Run, frame: int, moved: Sequence[Path] = ()) -> Retraced:
             f"no frame {frame} in {run.folder}; "
             + ("its only frame is 0" if pairs == 1 else f"it has frames 0 to {pairs - 1}")
         )
-    path, locator = session_of(run, moved), locator_of(run)
+    path = session_of(run, moved, or_where_it_lay=not moved)
+    locator = locator_of(run)
     threads = cv2.getNumThreads()
     cv2.setNumThreads(1)  # as the run did: one thread is repeatable
     try:

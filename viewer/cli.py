@@ -37,7 +37,7 @@ def view(
 def report(
     out: Annotated[list[Path], typer.Argument(metavar="OUT...", help="Folders of results.")],
     page: Annotated[Path, typer.Option("--out", "-o", help="The page to write (.html).")],
-    by: Annotated[str, typer.Option(help="Score by this condition.")] = "lighting",
+    by: Annotated[str, typer.Option(help="Score by this condition; if none, lighting.")] = "",
     worst: Annotated[int, typer.Option(min=0, help="Worst cases to show, of each method.")] = 10,
     session: Annotated[
         list[Path] | None, typer.Option(help="Where a session lies now; a file or a folder.")
@@ -46,10 +46,14 @@ def report(
 ) -> None:
     """One page to send: what was run, the score, plots, the ledger, the worst cases in pictures."""
     from recorder.files import replacing
-    from viewer.report import make_report
+    from recorder.progress import progress
+    from viewer.report import make_report, steps
+    from viewer.report_columns import columns_of
 
-    made = make_report(out, by=by, worst=worst, moved=session or ())
+    columns = columns_of(out, by)
     with replacing(page) as part:
+        with progress("reporting", steps(columns, worst)) as tick:
+            made = make_report(columns, out, worst=worst, moved=session or (), tick=tick)
         part.write_text(made.html, encoding="utf-8")
     size = page.stat().st_size
     if as_json:
@@ -72,8 +76,8 @@ def sheet(
     from recorder.files import replacing
     from viewer.sheet import make_sheet
 
-    made = make_sheet(out, frame, [session] if session else ())
     with replacing(picture) as part:
+        made = make_sheet(out, frame, [session] if session else ())
         part.write_bytes(made.png)
     if as_json:
         print(json.dumps({"sheet": str(picture), **made.told}, indent=2))

@@ -9,11 +9,12 @@ from typing import Any, Final
 
 from processor.methods import METHODS, describe, locator_from, to_toml
 from processor.page_parts import Head, document, folded, grid
+from processor.replay import Tick
 from processor.runs import Run
 from processor.worst import WorstCase
 from recorder.errors import PomologError
 from viewer.report_cases import as_json, cases_shown, worst_of
-from viewer.report_columns import Column, columns_of
+from viewer.report_columns import Column
 from viewer.report_plots import (
     calibration_of_confidence,
     calibration_of_intervals,
@@ -40,30 +41,40 @@ class Report:
     told: dict[str, Any]
 
 
+def steps(columns: Sequence[Column], worst: int) -> int:
+    """How often `make_report` ticks."""
+    return len(_sessions(columns)) + worst * len(columns)
+
+
 def make_report(
-    outs: Sequence[Path], *, by: str = "lighting", worst: int = 10, moved: Sequence[Path] = ()
+    columns: Sequence[Column],
+    outs: Sequence[Path],
+    *,
+    worst: int = 10,
+    moved: Sequence[Path] = (),
+    tick: Tick = lambda _: None,
 ) -> Report:
-    """Read folders of results and tell them as one page.
+    """Tell columns of results as one page.
 
     Args:
-        outs: folders of results; each method of each is a column.
-        by: the condition that scores are grouped by.
+        columns: what to tell, side by side.
+        outs: the folders that they were read from, as they were named.
         worst: how many worst cases of each column to show.
-        moved: files or folders where sessions lie now.
+        moved: files or folders where sessions may lie now.
+        tick: called with the number of steps that are done.
 
     Raises:
-        PomologError: there are no results, or they are damaged.
+        PomologError: results are damaged.
     """
-    columns = columns_of(outs, by)
     cases = {column.label: worst_of(column, worst) for column in columns}
-    sessions = distinct([run for column in columns for run in column.runs])
+    sessions = _sessions(columns)
     body = [
         *_head(columns, sessions),
         *_what(columns, sessions),
         *_scores(columns),
         *_plots(columns),
-        *_recording(sessions, moved),
-        *_worst(columns, cases, moved),
+        *_recording(sessions, moved, tick),
+        *_worst(columns, cases, moved, tick),
         *_repeat(columns, outs),
     ]
     told = {
@@ -80,6 +91,10 @@ def make_report(
         ]
     }
     return Report(document(_title(columns), body, style=STYLE), told)
+
+
+def _sessions(columns: Sequence[Column]) -> tuple[Run, ...]:
+    return distinct([run for column in columns for run in column.runs])
 
 
 def _title(columns: Sequence[Column]) -> str:
@@ -225,9 +240,9 @@ def _plots(columns: Sequence[Column]) -> Iterator[str]:
     yield "</section>"
 
 
-def _recording(sessions: Sequence[Run], moved: Sequence[Path]) -> Iterator[str]:
+def _recording(sessions: Sequence[Run], moved: Sequence[Path], tick: Tick) -> Iterator[str]:
     yield f'<section><h2 id="recording">{_SECTIONS["recording"]}</h2>'
-    found, problems = lights(sessions, moved)
+    found, problems = lights(sessions, moved, tick)
     if found:
         yield exposure(found)
     for problem in problems:
@@ -240,9 +255,10 @@ def _worst(
     columns: Sequence[Column],
     cases: Mapping[str, tuple[WorstCase, ...] | None],
     moved: Sequence[Path],
+    tick: Tick,
 ) -> Iterator[str]:
     yield f'<section><h2 id="worst">{_SECTIONS["worst"]}</h2>'
-    yield from cases_shown(columns, cases, moved)
+    yield from cases_shown(columns, cases, moved, tick)
     yield "</section>"
 
 

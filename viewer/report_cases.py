@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from processor.page_parts import picture_figure
+from processor.replay import Tick
 from processor.runs import Run
 from processor.worst import WorstCase, worst_cases
 from recorder.errors import PomologError
@@ -36,6 +37,7 @@ def cases_shown(
     columns: Sequence[Column],
     cases: Mapping[str, tuple[WorstCase, ...] | None],
     moved: Sequence[Path],
+    tick: Tick = lambda _: None,
 ) -> Iterator[str]:
     """Each column's worst cases, in words and pictures.
 
@@ -43,6 +45,7 @@ def cases_shown(
         columns: that they are of.
         cases: by the column's label; None where nothing says what is worst.
         moved: where to look for sessions before where they lay.
+        tick: called with the number of cases that are drawn.
     """
     yield (
         "<p>Both views of the place, as recorded: <span class='true'>blue is true</span>, "
@@ -60,7 +63,7 @@ def cases_shown(
             continue
         if not found:
             yield "<p>Nothing was missed, false, wrongly matched or measured.</p>"
-        yield from _shown(strips(column.runs, found, moved), column, room)
+        yield from _shown(strips(column.runs, found, moved, tick), column, room)
 
 
 def _shown(found: Sequence[Strip], column: Column, room: int) -> Iterator[str]:

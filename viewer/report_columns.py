@@ -4,7 +4,7 @@ import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +14,8 @@ from processor.results import STAGES, read_table
 from processor.runs import Run, find_runs, score_runs
 from processor.score import Score
 from recorder.records import SIDES
+
+USUAL: Final = "lighting"  # what the paper's tables are by
 
 Floats = npt.NDArray[np.float64]
 Bools = npt.NDArray[np.bool_]
@@ -101,15 +103,15 @@ class Column:
         return self.runs[0].about
 
 
-def columns_of(outs: Sequence[Path], by: str) -> tuple[Column, ...]:
+def columns_of(outs: Sequence[Path], by: str = "") -> tuple[Column, ...]:
     """Read folders of results; runs of different methods never share a column.
 
     Args:
         outs: folders of results.
-        by: the condition to group by.
+        by: the condition to group by; empty: by lighting, where sessions say theirs.
 
     Raises:
-        PomologError: there are no results, or one is damaged.
+        PomologError: there are no results, one is damaged, or no session says that condition.
     """
     gathered: dict[tuple[Path, str], list[Run]] = {}
     seen: set[Path] = set()
@@ -118,7 +120,9 @@ def columns_of(outs: Sequence[Path], by: str) -> tuple[Column, ...]:
             if run.folder.resolve() not in seen:
                 seen.add(run.folder.resolve())
                 gathered.setdefault((out, _method_key(run)), []).append(run)
-    columns = [_column(tuple(runs), by) for runs in gathered.values()]
+    columns = [_column(tuple(runs), by or USUAL) for runs in gathered.values()]
+    if by and not any(column.by for column in columns):
+        score_runs([run for column in columns for run in column.runs], by)  # says what they say
     return tuple(_named(columns, [out for out, _ in gathered]))
 
 

@@ -13,6 +13,7 @@ import numpy.typing as npt
 from processor import charts
 from processor.charts import SOFT, drawing_for_page
 from processor.page_parts import Head, drawing_figure, folded, grid, shown
+from processor.replay import Tick
 from processor.results import read_table
 from processor.retrace import session_of
 from processor.runs import LOSSES, Run
@@ -99,7 +100,9 @@ class Light:
     source: str
 
 
-def lights(runs: Sequence[Run], moved: Sequence[Path]) -> tuple[list[Light], list[str]]:
+def lights(
+    runs: Sequence[Run], moved: Sequence[Path], tick: Tick = lambda _: None
+) -> tuple[list[Light], list[str]]:
     """The exposure of each session, and for those that cannot be opened, why."""
     found, problems = [], []
     for run in runs:
@@ -108,6 +111,7 @@ def lights(runs: Sequence[Run], moved: Sequence[Path]) -> tuple[list[Light], lis
                 found.append(_light(session, max(LEAST_LOOKED_AT, LOOKED_AT // len(runs))))
         except PomologError as error:
             problems.append(str(error))
+        tick(1)
     return found, problems
 
 

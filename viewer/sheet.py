@@ -71,7 +71,7 @@ def make_sheet(out: Path, frame: int, moved: Sequence[Path] = ()) -> Sheet:
     Args:
         out: the results of one session.
         frame: which pair of the session.
-        moved: where to look for the session before where it lay.
+        moved: where the session lies now; empty: where it lay.
 
     Raises:
         PomologError: no results, or of several sessions; what `retrace` raises.

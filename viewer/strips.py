@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from processor.palette import ALONE, ESTIMATE, TRUTH, Colour
+from processor.replay import Tick
 from processor.results import Row
 from processor.retrace import rows_of_frame, session_of
 from processor.runs import Run
@@ -47,7 +48,10 @@ class Strip:
 
 
 def strips(
-    runs: Sequence[Run], cases: Sequence[WorstCase], moved: Sequence[Path] = ()
+    runs: Sequence[Run],
+    cases: Sequence[WorstCase],
+    moved: Sequence[Path] = (),
+    tick: Tick = lambda _: None,
 ) -> tuple[Strip, ...]:
     """Draw cases, in their order; each session is opened once and each of its frames read once.
 
@@ -55,12 +59,15 @@ def strips(
         runs: that the cases are of.
         cases: worst first.
         moved: where to look for sessions before where they lay.
+        tick: called after each.
     """
     by_folder = {run.folder: run for run in runs}
     listed = sorted(enumerate(cases), key=lambda entry: (str(entry[1].folder), entry[1].frame))
     found: list[Strip] = []
     for folder, group in groupby(listed, key=lambda entry: entry[1].folder):
-        found += _of_session(by_folder[folder], list(group), moved)
+        for strip in _of_session(by_folder[folder], list(group), moved):
+            found.append(strip)
+            tick(1)
     return tuple(sorted(found, key=lambda strip: strip.place))
 
 
