@@ -81,6 +81,20 @@ TRUTH: Final = pa.schema(
         *((f"{side}_{what}_px", _F64) for side in SIDES for what in ("x", "y", "radius")),
     ]
 )
+# A row a fruit that one run gained, lost or moved against another (`compare --fruit`).
+CHANGES: Final = pa.schema(
+    [
+        ("session", pa.string()),
+        ("frame", pa.int32()),
+        ("apple", pa.int64()),  # of the truth; null where fruit are paired by each other
+        ("what", pa.string()),
+        ("x_px", _F64),  # in the recorded left picture
+        ("y_px", _F64),
+        ("moved_m", _F64),
+        ("a_error_m", _F64),
+        ("b_error_m", _F64),
+    ]
+)
 TABLES: Final[dict[str, pa.Schema]] = {"apples": APPLES, "frames": FRAMES, "truth": TRUTH}
 
 Row = dict[str, Any]
@@ -206,10 +220,10 @@ def write_tables(folder: Path, rows: Rows) -> None:
             pq.write_table(pa.Table.from_pylist(rows[name], schema), part)
 
 
-def write_table(path: Path, rows: Sequence[Row]) -> None:
-    """Write plain rows as one Parquet file, its columns as the rows have them."""
+def write_table(path: Path, rows: Sequence[Row], schema: pa.Schema | None = None) -> None:
+    """Write plain rows as one Parquet file; without a schema, its columns as the rows have them."""
     with replacing(path) as part:
-        pq.write_table(pa.Table.from_pylist(list(rows)), part)
+        pq.write_table(pa.Table.from_pylist(list(rows), schema), part)
 
 
 def join_tables(folders: Sequence[Path], out: Path) -> None:

@@ -38,6 +38,16 @@ def replacing(path: Path) -> Iterator[Path]:
             raise
 
 
+def write_text(path: Path, text: str) -> None:
+    """Write a text file whole or not at all.
+
+    Raises:
+        PomologError: as `replacing`.
+    """
+    with replacing(path) as part:
+        part.write_text(text, encoding="utf-8")
+
+
 @contextmanager
 def writable(path: Path) -> Iterator[None]:
     """Turn the operating system's refusal to write `path` into one line for the user."""

@@ -12,7 +12,9 @@ from processor.experiments.distances import TRUTHS, Measurements, measure_distan
 from processor.experiments.distances import measurements as measured
 from processor.experiments.item import Claim, Item, Verdict
 from processor.experiments.material import Material, describe
-from processor.experiments.statistics import (
+from processor.experiments.work import Bench, Row
+from processor.page_parts import Column, Figure, Scalar, Table
+from processor.statistics import (
     TTest,
     detectable_effect,
     equivalence_p,
@@ -21,8 +23,6 @@ from processor.experiments.statistics import (
     t_table,
     unpaired,
 )
-from processor.experiments.work import Bench, Row
-from processor.page_parts import Column, Figure, Scalar, Table
 
 # Table 2: pair of conditions -> its t and whether the paper calls it significant
 PAPER: Final = {

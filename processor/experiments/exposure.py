@@ -9,10 +9,10 @@ from processor import charts
 from processor.experiments.item import Claim, Item, Verdict
 from processor.experiments.material import LIGHTS, Material, describe
 from processor.experiments.segmentation import RULE_OF_METHOD, measure_pixels
-from processor.experiments.statistics import bootstrap_shares
 from processor.experiments.work import Bench, Row
 from processor.page_parts import Column, Figure, Scalar, Table, percent, shown
 from processor.score import detection
+from processor.statistics import bootstrap_shares
 
 RULES: Final = ("signed", "difference", "absolute", "2R-G-B", "Y-R")
 NOTICED: Final = 5.0  # points of hits lost that count as "did not work well"

@@ -10,11 +10,11 @@ from processor.clean import AreaRule
 from processor.count import count_pixels
 from processor.experiments.item import Claim, Item, Verdict
 from processor.experiments.material import LIGHTS, Material, describe
-from processor.experiments.statistics import bootstrap_shares
 from processor.experiments.work import Bench, Row, Sample
 from processor.page_parts import Column, Figure, Scalar, Table, percent
 from processor.recognise import ColourRatio, RedMinusLuma, TwoRedMinusGreenBlue
 from processor.score import detection
+from processor.statistics import bootstrap_shares
 from processor.trace import Recogniser
 from recorder.records import SIDES
 

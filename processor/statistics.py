@@ -1,4 +1,4 @@
-"""Tests, effect sizes, equivalence and bootstrap intervals: numbers in, numbers out (Table 2).
+"""Tests, effect sizes, equivalence and bootstrap intervals: numbers in, numbers out.
 
 `scipy.stats` does the distributions. Groups are arrays without gaps; a test of fewer than two
 values, or of values without any spread, has no answer and is None.

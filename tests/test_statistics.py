@@ -12,7 +12,9 @@ from statsmodels.stats.weightstats import ttost_ind, ttost_paired
 
 from processor.experiments.comparisons import MARGIN_MM, compared, papers_own, table_2
 from processor.experiments.distances import METHODS
-from processor.experiments.statistics import (
+from processor.experiments.work import Row
+from processor.score import wilson95
+from processor.statistics import (
     bootstrap_shares,
     detectable_effect,
     equivalence_p,
@@ -21,8 +23,6 @@ from processor.experiments.statistics import (
     t_table,
     unpaired,
 )
-from processor.experiments.work import Row
-from processor.score import wilson95
 
 CLEAR = [3.1, -2.4, 5.0, 7.7, 1.2, 4.9, 9.3, 6.1, 8.8, 12.0, 10.4, 13.9]
 LEAVES = [6.0, 1.1, 9.2, 8.1, 4.4, 9.9, 15.0, 9.3, 16.1, 14.2, 18.8, 19.7]

@@ -1,0 +1,176 @@
+"""A gate: limits that B must keep, from a TOML file; fails closed where the data cannot say.
+
+[fruit_recall]
+min = 0.85             # of B
+not_worse_by = 0.005   # than A
+
+[distance_rmse_mm]
+max = 15
+not_worse_by = 1
+"""
+
+import math
+import tomllib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from processor.compare.comparison import Comparison
+from processor.compare.judge import Judged
+from processor.measures import MEASURES, Measure
+from processor.paired import units_needed
+from recorder.errors import PomologError
+
+RULES: Final = ("min", "max", "not_worse_by")
+TIME: Final = "time_ms"  # judged by limits alone: a machine's load is no property of a method
+UNSURE: Final = "when_unsure"
+UNSURE_WORDS: Final = ("fail", "pass")
+
+
+@dataclass(frozen=True, slots=True)
+class Rule:
+    """One limit, in the unit that the measure's name says."""
+
+    measure: str
+    kind: str  # min, max or not_worse_by
+    limit: float
+
+
+@dataclass(frozen=True, slots=True)
+class Gate:
+    """The limits of a file, and what becomes of those that the data cannot decide."""
+
+    rules: tuple[Rule, ...]
+    pass_when_unsure: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Checked:
+    """A rule, held against a comparison.
+
+    Attributes:
+        rule: which.
+        passed: whether B may go on.
+        unsure: the data are too few to say, so that `passed` is what the gate's file chose.
+        line: what was found, in one line.
+    """
+
+    rule: Rule
+    passed: bool
+    unsure: bool
+    line: str
+
+    @property
+    def name(self) -> str:
+        """Of the rule, as the file has it."""
+        return f"{self.rule.measure}.{self.rule.kind}"
+
+
+def load_gate(path: Path) -> Gate:
+    """Read a gate's file.
+
+    Raises:
+        PomologError: it cannot be read, or has a key or a value that no gate has.
+    """
+    try:
+        table = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise PomologError(f"cannot read gate {path}: {error.strerror}") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise PomologError(f"{path} is not TOML: {error}") from None
+    rules = tuple(_rules(path, table))
+    unsure = table.get(UNSURE, "fail")
+    if unsure not in UNSURE_WORDS:
+        raise PomologError(f"{path}: {UNSURE} = {unsure!r}; choose {' or '.join(UNSURE_WORDS)}")
+    if not rules:
+        raise PomologError(f"{path} has no limit; give one, such as: [fruit_recall] min = 85")
+    return Gate(rules, unsure == "pass")
+
+
+def _rules(path: Path, table: Mapping[str, Any]) -> Iterator[Rule]:
+    for name, limits in table.items():
+        if name == UNSURE:
+            continue
+        known = [UNSURE, *MEASURES, TIME]
+        if name not in known:
+            raise PomologError(f"{path}: no measure {name!r}; there are {', '.join(known[1:])}")
+        if not isinstance(limits, Mapping):
+            raise PomologError(f"{path}: {name} must be a table: [{name}], then min, max, ...")
+        kinds = RULES[:2] if name == TIME else RULES
+        for kind, limit in limits.items():
+            if kind not in kinds:
+                raise PomologError(f"{path}: [{name}] has no {kind!r}; it has {', '.join(kinds)}")
+            number = isinstance(limit, int | float) and not isinstance(limit, bool)
+            if not number or not math.isfinite(limit):
+                raise PomologError(f"{path}: [{name}] {kind} = {limit!r} is no number")
+            if kind == "not_worse_by" and limit < 0:
+                raise PomologError(f"{path}: [{name}] {kind} = {limit} is negative")
+            if name in MEASURES and MEASURES[name].is_rate and not 0 <= limit <= 1:
+                raise PomologError(
+                    f"{path}: [{name}] {kind} = {limit} is no share; 85 % is written 0.85"
+                )
+            yield Rule(name, kind, float(limit))
+
+
+def check(gate: Gate, comparison: Comparison) -> list[Checked]:
+    """Hold every rule against what was found."""
+    judged = {one.measure.name: one for one in comparison.judged}
+    return [_check(rule, gate, judged.get(rule.measure), comparison) for rule in gate.rules]
+
+
+def _check(rule: Rule, gate: Gate, judged: Judged | None, comparison: Comparison) -> Checked:
+    if rule.measure == TIME:
+        return _limit(rule, comparison.time_ms[1], None)
+    measure = MEASURES[rule.measure]
+    if judged is None or judged.difference is None:
+        have = "no truth says it" if judged else "it is only judged where there is no truth"
+        if judged is None and measure.better != "unknown":
+            have = "the sessions have no truth"
+        line = f"{rule.measure} is not scored: {have}"
+        return Checked(rule, gate.pass_when_unsure, True, line)
+    if rule.kind in ("min", "max"):
+        return _limit(rule, judged.difference.b * measure.written, measure)
+    return _not_worse(rule, gate, judged, comparison)
+
+
+def _limit(rule: Rule, value: float, measure: Measure | None) -> Checked:
+    size = abs(value) if measure and measure.better == "nearer zero" else value
+    passed = size >= rule.limit if rule.kind == "min" else size <= rule.limit
+    word, verb = ("least" if rule.kind == "min" else "most"), ("is" if passed else "is not")
+    digits, unit = _form(measure)
+    line = f"{rule.measure} = {value:.{digits}f}{unit}, {verb} at {word} {rule.limit:g}{unit}"
+    return Checked(rule, passed, False, line)
+
+
+def _form(measure: Measure | None) -> tuple[int, str]:
+    """Digits after the point, and the unit, of what a gate writes."""
+    if measure is None:
+        return 1, " ms"
+    return (4, "") if measure.is_rate else (measure.digits, f" {measure.unit}")
+
+
+def _not_worse(rule: Rule, gate: Gate, judged: Judged, comparison: Comparison) -> Checked:
+    """Non-inferiority: the one-sided 95 % limit of how much worse B may be is within the limit."""
+    found, measure = judged.difference, judged.measure
+    assert found is not None
+    digits, unit = _form(measure)
+    low, high = (end * measure.written for end in found.worsening90)
+    worse = found.worsening * measure.written
+    word = "changed" if measure.better == "unknown" else "worse" if worse > 0 else "better"
+    line = f"{rule.measure} is {word} by {abs(worse):.{digits}f}{unit}"
+    allowed = f"{rule.limit:g}{unit} is allowed"
+    if comparison.sides.same or high <= rule.limit:
+        return Checked(rule, True, False, f"{line}, at most {max(high, 0):.{digits}f}; {allowed}")
+    if low > rule.limit:
+        return Checked(rule, False, False, f"{line}, at least {low:.{digits}f}; {allowed}")
+    line = f"{line}, but may be worse by {high:.{digits}f}; {allowed}: too little data to say"
+    if found.std and rule.limit:
+        needed = units_needed(found.std, rule.limit / measure.written)
+        line += f", {unit_words(comparison.unit, needed)} would do"
+    return Checked(rule, gate.pass_when_unsure, True, line)
+
+
+def unit_words(unit: str, count: int) -> str:
+    """So many pairs, or sessions."""
+    return f"about {count:,} {unit}{'' if count == 1 else 's'}"
