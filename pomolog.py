@@ -19,8 +19,8 @@ class Command(NamedTuple):
 
 COMMANDS: Final[dict[str, Command]] = {
     "record": Command("recorder.cli", "record cameras and a rangefinder in the field"),
-    "import": Command("recorder.cli", "make a session from pictures"),
-    "label": Command("recorder.cli", "give a session truth: masks and apples"),
+    "import": Command("recorder.cli", "make a session from pictures, or from a bag"),
+    "label": Command("recorder.cli", "give a session truth: masks, boxes, circles, apples"),
     "simulate": Command("recorder.cli", "make a session in the digital orchard"),
     "info": Command("recorder.cli", "say what a session holds"),
     "check": Command("recorder.cli", "read all of a session and say whether it is sound"),
@@ -30,6 +30,7 @@ COMMANDS: Final[dict[str, Command]] = {
     "train": Command("processor.cli", "learn a model for method pomolog"),
     "score": Command("processor.cli", "hits, false positives, matches and distance errors"),
     "compare": Command("processor.cli", "run against run: what is better, worse, or not known"),
+    "export": Command("processor.cli", "give a session or results to ROS, labelling tools, tables"),
     "paper": Command("processor.cli", "every table and figure of the paper, beside ours"),
     "view": Command("viewer.cli", "open a run, or a session, in Rerun"),
     "report": Command("viewer.cli", "one page to send: score, plots, worst cases in pictures"),

@@ -15,6 +15,14 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )  # fmt: skip
 
+exports = typer.Typer(no_args_is_help=True)
+app.add_typer(
+    exports,
+    name="export",
+    help="Give sessions and results to other tools.",
+    epilog="Example: pomolog export bag S.mcap -o ros/S.mcap",
+)
+
 
 @app.callback()
 def _processor() -> None:
@@ -230,3 +238,27 @@ def train(
         print(json.dumps({"model": model.name, "out": str(out)}, indent=2))
     else:
         print(f"{out}, its provenance in {out.with_suffix('.json')}")
+
+
+@exports.callback()
+def _exports() -> None:
+    """Give sessions and results to other tools."""
+
+
+@exports.command("bag", epilog="Example: pomolog export bag sessions/demo.mcap -o demo-ros.mcap")
+def export_bag(
+    session: Annotated[Path, typer.Argument(metavar="S", help="A session (.mcap).")],
+    out: Annotated[Path, typer.Option("--out", "-o", help="X.mcap, or a bag's folder.")],
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+) -> None:
+    """Write a session as a ROS 2 bag (rosbag2, MCAP); `pomolog import bag` makes it whole again."""
+    from recorder.exports.bag import export_bag as export
+    from recorder.progress import progress
+    from recorder.session import Session
+
+    with Session(session) as opened, progress("exporting", opened.info().frames) as tick:
+        count = export(opened, out, tick)
+    if as_json:
+        print(json.dumps({"out": str(out), "messages": count}))
+    else:
+        print(f"{out}: {count} messages")

@@ -154,6 +154,77 @@ def frames(
     print(f"{out}: {len(pairs)} stereo pairs")
 
 
+@imports.command(epilog="Example: pomolog import bag row7/ --tolerance 10ms -o row7.mcap")
+def bag(
+    source: Annotated[Path, typer.Argument(metavar="BAG", help="An MCAP file, or its folder.")],
+    out: Output,
+    left: Annotated[str, typer.Option(help="The left view's topic.")] = "",
+    right: Annotated[str, typer.Option(help="The right view's; - for one view only.")] = "",
+    left_info: Annotated[str, typer.Option(help="The left calibration's topic.")] = "",
+    right_info: Annotated[str, typer.Option(help="The right calibration's.")] = "",
+    ranges: Annotated[str, typer.Option("--range", help="The rangefinder's topic.")] = "",
+    depth: Annotated[str, typer.Option(help="Depth aligned to the left view.")] = "",
+    rig: Annotated[Path | None, typer.Option(help="Instead of the bag's calibrations.")] = None,
+    times: Annotated[str, typer.Option(help="header or arrival; guessed if left out.")] = "",
+    offset: Annotated[
+        list[str] | None, typer.Option(help="right=-12ms, range=0.3s, ...: added to its times.")
+    ] = None,
+    tolerance: Annotated[str, typer.Option(help="Largest skew of a pair: 10ms.")] = "",
+    lighting: Annotated[str, typer.Option(help="front, back, cloudy, indoor, ...")] = "",
+    cultivar: Annotated[str, typer.Option(help="The apples' variety.")] = "",
+    site: Annotated[str, typer.Option(help="Where it was recorded.")] = "",
+    as_json: AsJson = False,
+) -> None:
+    """Import a ROS 2 (rosbag2) or Foxglove MCAP; says first which topic it takes for what.
+
+    Without flags the topics are guessed from their names and first messages; a flag overrules the
+    guess, and - says that there is none. One view and depth make a session of one view.
+    """
+    from recorder.imports.bag import Bag
+    from recorder.imports.bag_roles import assign_roles
+    from recorder.imports.bag_session import import_bag
+    from recorder.imports.durations import read_duration_ns, read_offsets_ns
+    from recorder.progress import progress
+    from recorder.rig import load_rig
+
+    if times not in ("", "header", "arrival"):
+        raise typer.BadParameter("header or arrival", param_hint="--times")
+    offsets_ns = read_offsets_ns(offset or [])
+    tolerance_ns = read_duration_ns(tolerance, "--tolerance") if tolerance else None
+    if tolerance_ns is not None and tolerance_ns < 0:
+        raise typer.BadParameter("not negative", param_hint="--tolerance")
+    found = Bag(source)
+    wanted = {
+        "left": left, "right": right, "left_info": left_info, "right_info": right_info,
+        "range": ranges, "depth": depth,
+    }  # fmt: skip
+    roles = assign_roles(found, {role: topic for role, topic in wanted.items() if topic})
+    if not as_json:
+        for role, name in roles.items():
+            topic = found.topics[name]
+            print(f"--{role:10} {name}  ({topic.schema}, {topic.count} messages)", flush=True)
+    about = {"lighting": lighting, "cultivar": cultivar, "site": site}
+    total = sum(found.topics[name].count for role, name in roles.items() if "-" not in role)
+    with progress("importing", total) as tick:
+        done = import_bag(
+            found,
+            roles,
+            out,
+            rig=load_rig(rig) if rig else None,
+            times="header" if times == "header" else "arrival" if times else None,
+            offsets_ns=offsets_ns,
+            tolerance_ns=tolerance_ns,
+            metadata={key: value for key, value in about.items() if value},
+            tick=tick,
+        )
+    if as_json:
+        print(json.dumps({"roles": dict(roles.items()), "out": str(out), **asdict(done)}, indent=2))
+        return
+    for line in (*done.remarks, *done.advice()):
+        typer.echo(f"pomolog: {line}", err=True)
+    print(f"{out}: {done.summary()}")
+
+
 @app.command(epilog="Example: pomolog label S.mcap --masks masks/ --apples apples.json -o T.mcap")
 def label(
     session: SessionArgument,

@@ -10,6 +10,7 @@ import struct
 import zlib
 from collections import Counter
 from collections.abc import Collection, Iterator
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any, Final, cast
 
@@ -37,6 +38,7 @@ from recorder.mcap_records import (
     DEFAULT_LIMITS,
     MAGIC,
     RECORD_PREFIX,
+    SALVAGE,
     Limits,
     RawMessage,
     open_mcap,
@@ -54,20 +56,26 @@ _HELD_BYTES: Final = 400  # what a message in memory takes beside its data
 class Container:
     """A whole MCAP file, indexed. Use it as a context manager.
 
+    Args:
+        path: the file.
+        limits: what it may ask of this machine's memory.
+        remedy: the command that mends such a file, with its {path}.
+
     Raises:
         TornFileError: the file ends without an index.
         PomologError: not MCAP, damaged, or beyond the limits.
     """
 
-    def __init__(self, path: Path, limits: Limits = DEFAULT_LIMITS) -> None:
+    def __init__(self, path: Path, limits: Limits = DEFAULT_LIMITS, remedy: str = SALVAGE) -> None:
         self.path = path
         self.limits = limits
+        self._remedy = remedy
         self._stream = open_mcap(path)
         try:
             self._size = path.stat().st_size
-            with reporting_damage(path, "its index"):
+            with self._reporting("its index"):
                 self._read_summary()
-            with reporting_damage(path, "its header"):
+            with self._reporting("its header"):
                 self.header = self._read_header()
         except BaseException:
             self._stream.close()
@@ -82,6 +90,9 @@ class Container:
     def close(self) -> None:
         """Close the file."""
         self._stream.close()
+
+    def _reporting(self, doing: str) -> AbstractContextManager[None]:
+        return reporting_damage(self.path, doing, self._remedy)
 
     def counts(self) -> dict[str, int]:
         """Messages by topic, as the file's own statistics have them."""
@@ -106,7 +117,7 @@ class Container:
         """
         wanted = {i for i, channel in self.channels.items() if channel.topic == topic}
         times = [np.empty(0, np.uint64)]
-        with reporting_damage(self.path, "its message index"):
+        with self._reporting("its message index"):
             for chunk_index in self._chunk_indexes:
                 for channel_id, offset in chunk_index.message_index_offsets.items():
                     if channel_id not in wanted:
@@ -137,7 +148,7 @@ class Container:
         Raises:
             PomologError: a chunk is damaged or too large, or messages are missing.
         """
-        with reporting_damage(self.path, "reading messages"):
+        with self._reporting("reading messages"):
             yield from self._messages(topics, start_ns, stop_ns)
 
     def _messages(
@@ -214,7 +225,7 @@ class Container:
     def metadata(self) -> dict[str, dict[str, str]]:
         """Every metadata record by name; the last one of a name counts."""
         found: dict[str, dict[str, str]] = {}
-        with reporting_damage(self.path, "its metadata"):
+        with self._reporting("its metadata"):
             for index in self._metadata_indexes:
                 self._stream.seek(index.offset)
                 opcode, body = read_record(self._stream, self.limits)
@@ -232,7 +243,7 @@ class Container:
         Raises:
             PomologError: at the first thing that does not agree.
         """
-        with reporting_damage(self.path, "checking all of it"):
+        with self._reporting("checking all of it"):
             self._stream.seek(len(MAGIC))
             crc = zlib.crc32(MAGIC)
             while True:
@@ -262,14 +273,14 @@ class Container:
         if len(tail) < tail_bytes or not tail.endswith(MAGIC) or tail[0] != Opcode.FOOTER:
             raise TornFileError(
                 f"{self.path} ends without an index; was recording cut off? "
-                f"try: pomolog salvage {self.path} -o whole.mcap"
+                f"try: {self._remedy.format(path=self.path)}"
             )
         footer = Footer.read(ReadDataStream(io.BytesIO(tail[RECORD_PREFIX.size :])))
         start = footer.summary_start
         length = self._size - tail_bytes - start
         if not _DATA_END_BYTES < start < self._size or length < 0:
             raise TornFileError(
-                f"{self.path} has no index; try: pomolog salvage {self.path} -o whole.mcap"
+                f"{self.path} has no index; try: {self._remedy.format(path=self.path)}"
             )
         if length > self.limits.record:
             raise McapError(f"an index of {length} bytes, more than {self.limits.record}")

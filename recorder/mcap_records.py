@@ -60,16 +60,18 @@ class RawMessage:
     data: bytes = field(repr=False)
 
 
+SALVAGE: Final = "pomolog salvage {path} -o whole.mcap"  # what mends a session
+
+
 @contextmanager
-def reporting_damage(path: Path, doing: str) -> Iterator[None]:
+def reporting_damage(path: Path, doing: str, remedy: str = SALVAGE) -> Iterator[None]:
     """Turn what parsers raise on damaged bytes into one line that names the file."""
     try:
         yield
     except DAMAGE as error:
         reason = " ".join(str(error).split()) or type(error).__name__
         raise PomologError(
-            f"{path} is damaged ({doing}: {reason[:200]}); "
-            f"try: pomolog salvage {path} -o whole.mcap"
+            f"{path} is damaged ({doing}: {reason[:200]}); try: {remedy.format(path=path)}"
         ) from None
 
 

@@ -41,12 +41,24 @@ SCHEMAS: Final[dict[str, dict[str, str]]] = {
         "right_visible": "double?",
         "truth_point": "string",
     },
+    "Outline": {
+        "side": "string",
+        "id": "uint32",
+        "kind": "string",
+        "x_px": "double",
+        "y_px": "double",
+        "width_px": "double",
+        "height_px": "double",
+    },
     "FrameTruth": {
         "timestamp": "google.protobuf.Timestamp",
         "apples": "pomolog.AppleTruth*",
         "apples_known": "bool",
         "partial": "bool",
         "identified": "bool",
+        "not_shared": "bool",
+        "outlined": "string*",
+        "outlines": "pomolog.Outline*",
     },
     "FrameStamp": {
         "timestamp": "google.protobuf.Timestamp",
@@ -125,6 +137,7 @@ def _message_class(name: str) -> Any:  # protobuf's run-time classes have no sta
 RangeReadingMessage: Final = _message_class("RangeReading")
 FrameTruthMessage: Final = _message_class("FrameTruth")
 AppleTruthMessage: Final = _message_class("AppleTruth")
+OutlineMessage: Final = _message_class("Outline")
 FrameStampMessage: Final = _message_class("FrameStamp")
 StreamStatusMessage: Final = _message_class("StreamStatus")
 RecorderStatusMessage: Final = _message_class("RecorderStatus")

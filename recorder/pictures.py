@@ -4,7 +4,7 @@ import io
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Final, cast
 
 import cv2
 import numpy as np
@@ -17,6 +17,14 @@ if TYPE_CHECKING:
 
 MAX_SIDE_PX = 16384  # larger than any camera on a robot; bounds what a hostile header can ask for
 PNG_END = b"\0\0\0\0IEND\xaeB`\x82"
+
+# GenICam's BayerRG8 is OpenCV's `BayerRGGB`; the older name `BayerRG` swaps red and blue
+_MOSAICS: Final[dict[Encoding, int]] = {
+    "bayer_rggb8": cv2.COLOR_BayerRGGB2BGR,
+    "bayer_bggr8": cv2.COLOR_BayerBGGR2BGR,
+    "bayer_gbrg8": cv2.COLOR_BayerGBRG2BGR,
+    "bayer_grbg8": cv2.COLOR_BayerGRBG2BGR,
+}
 
 
 def identify(data: bytes, where: str) -> tuple[Encoding, tuple[int, int]]:
@@ -75,8 +83,6 @@ def _opened(data: bytes) -> "Iterator[Image.Image]":
 def decode(frame: Frame) -> Picture:
     """Decode a recorded frame to (H, W, 3) uint8 BGR.
 
-    GenICam's BayerRG8 is OpenCV's `BayerRGGB`; the older name `BayerRG` swaps red and blue.
-
     Raises:
         PomologError: the bytes are not the picture that they claim to be.
     """
@@ -90,9 +96,9 @@ def decode(frame: Frame) -> Picture:
             picture = cast("Picture | None", cv2.imdecode(buffer, flags))
         except cv2.error:  # no bytes at all
             picture = None
-    elif frame.encoding == "bayer_rggb8" and buffer.size == width_px * height_px:
+    elif frame.encoding in _MOSAICS and buffer.size == width_px * height_px:
         mosaic = buffer.reshape(height_px, width_px)
-        picture = cast("Picture", cv2.cvtColor(mosaic, cv2.COLOR_BayerRGGB2BGR))
+        picture = cast("Picture", cv2.cvtColor(mosaic, _MOSAICS[frame.encoding]))
     elif frame.encoding == "bgr8" and buffer.size == 3 * width_px * height_px:
         picture = buffer.reshape(height_px, width_px, 3)
     else:

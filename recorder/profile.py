@@ -5,9 +5,8 @@ Rerun open a session as it is; readings and truth use `recorder.messages`.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, Final, cast
+from typing import Any, Final, cast, get_args
 
-import cv2
 import numpy as np
 from foxglove_schemas_protobuf.CameraCalibration_pb2 import CameraCalibration
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
@@ -20,7 +19,6 @@ from scipy.spatial.transform import Rotation
 from recorder.errors import PomologError
 from recorder.mcap_records import RawMessage
 from recorder.messages import (
-    AppleTruthMessage,
     FrameStampMessage,
     FrameTruthMessage,
     RangeReadingMessage,
@@ -29,12 +27,12 @@ from recorder.messages import (
 from recorder.pictures import identify
 from recorder.records import (
     COMPRESSED,
+    DEPTH_BYTES,
     SIDES,
-    AppleTruth,
+    Depth,
+    DepthEncoding,
     Encoding,
     Frame,
-    FrameTruth,
-    Labels,
     Note,
     RangeReading,
     Side,
@@ -59,11 +57,12 @@ TOPICS: Final[dict[str, Any]] = {
     "/notes": Log,
     "/recorder/status": RecorderStatusMessage,
     "/recorder/stamps": FrameStampMessage,
+    "/depth": RawImage,
 }
 IMAGE_TOPICS: Final[dict[Side, str]] = {"left": "/left/image", "right": "/right/image"}
 RIG_TOPICS: Final = ("/left/calibration", "/right/calibration", "/tf")
 TRUTH_TOPICS: Final = ("/truth/left", "/truth/right", "/truth/apples")
-RAW_ENCODINGS: Final[frozenset[Encoding]] = frozenset(("bayer_rggb8", "bgr8"))
+RAW_ENCODINGS: Final[frozenset[Encoding]] = frozenset(get_args(Encoding)) - COMPRESSED
 RAW_IMAGE_SCHEMA: Final[str] = RawImage.DESCRIPTOR.full_name
 
 
@@ -73,7 +72,8 @@ def topics_of(*, raw_images: bool) -> dict[str, Any]:
     return TOPICS | images
 
 
-def _timestamp(time_ns: int) -> Timestamp:
+def timestamp_of(time_ns: int) -> Timestamp:
+    """A time as protobuf has it."""
     seconds, nanos = divmod(time_ns, 1_000_000_000)
     return Timestamp(seconds=seconds, nanos=nanos)
 
@@ -82,14 +82,14 @@ def encode_frame(frame: Frame) -> Any:
     """A frame as Foxglove's CompressedImage or RawImage; its bytes stay as they are."""
     if frame.encoding in COMPRESSED:
         return CompressedImage(
-            timestamp=_timestamp(frame.time_ns),
+            timestamp=timestamp_of(frame.time_ns),
             frame_id=frame.side,
             data=frame.data,
             format=frame.encoding,
         )
     width_px, height_px = frame.size_px
     return RawImage(
-        timestamp=_timestamp(frame.time_ns),
+        timestamp=timestamp_of(frame.time_ns),
         frame_id=frame.side,
         width=width_px,
         height=height_px,
@@ -117,92 +117,42 @@ def decode_frame(side: Side, message: RawMessage, schema: str) -> Frame:
     return Frame(side, message.log_ns, encoding, compressed.data, size_px, message.sequence)
 
 
-def encode_labels(labels: Labels) -> bytes:
-    """Labels as the 16-bit PNG that a session keeps."""
-    done, png = cv2.imencode(".png", labels)
-    assert done
-    return png.tobytes()
+def optional(message: Any, name: str) -> Any:
+    """A field's value, or None where it is absent."""
+    return getattr(message, name) if message.HasField(name) else None
 
 
-def decode_labels(message: RawMessage, size_px: tuple[int, int]) -> Labels:
-    """Read a label picture back.
+def encode_depth(depth: Depth) -> Any:
+    """A depth picture as Foxglove's RawImage in the left camera's frame; its bytes stay."""
+    width_px, height_px = depth.size_px
+    return RawImage(
+        timestamp=timestamp_of(depth.time_ns),
+        frame_id="left",
+        width=width_px,
+        height=height_px,
+        encoding=depth.encoding,
+        step=len(depth.data) // height_px,
+        data=depth.data,
+    )
+
+
+def decode_depth(message: RawMessage) -> Depth:
+    """Read a depth picture back.
 
     Raises:
-        PomologError: it is no 16-bit PNG of the picture's size.
+        PomologError: of another encoding, or its bytes are not as many as its pixels.
     """
-    png = CompressedImage.FromString(message.data).data
-    encoding, found_px = identify(png, message.topic)
-    if encoding != "png" or found_px != size_px:
-        raise PomologError(f"{message.topic} at {message.log_ns} ns does not fit its picture")
-    labels = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_UNCHANGED)
-    if labels is None or labels.dtype != np.uint16 or labels.ndim != 2:
-        raise PomologError(f"{message.topic} at {message.log_ns} ns is no 16-bit label picture")
-    return cast("Labels", labels)
-
-
-def encode_truth(time_ns: int, truth: FrameTruth) -> Iterator[tuple[str, Any]]:
-    """The topics and messages that keep one pair's truth."""
-    for side, labels in (("left", truth.left), ("right", truth.right)):
-        if labels is not None:
-            yield f"/truth/{side}", CompressedImage(
-                timestamp=_timestamp(time_ns), frame_id=side, data=encode_labels(labels),
-                format="png",
-            )  # fmt: skip
-    apples = [
-        AppleTruthMessage(
-            id=apple.id,
-            centre_m=apple.centre_m,
-            radius_m=apple.radius_m,
-            left_visible=apple.left_visible,
-            right_visible=apple.right_visible,
-            truth_point=apple.truth_point,
-        )
-        for apple in truth.apples or ()
-    ]
-    yield (
-        "/truth/apples",
-        FrameTruthMessage(
-            timestamp=_timestamp(time_ns),
-            apples=apples,
-            apples_known=truth.apples is not None,
-            partial=truth.partial,
-            identified=truth.identified,
-        ),
-    )
-
-
-def decode_truth(message: RawMessage, left: Labels | None, right: Labels | None) -> FrameTruth:
-    """Read a pair's truth back, beside the labels that were read for it."""
-    truth = FrameTruthMessage.FromString(message.data)
-    apples = tuple(
-        AppleTruth(
-            id=apple.id,
-            centre_m=_vector(apple.centre_m),
-            radius_m=apple.radius_m,
-            left_visible=_optional(apple, "left_visible"),
-            right_visible=_optional(apple, "right_visible"),
-            truth_point="surface" if apple.truth_point == "surface" else "centre",
-        )
-        for apple in truth.apples
-    )
-    return FrameTruth(
-        left, right, apples if truth.apples_known else None, truth.partial, truth.identified
-    )
-
-
-def _vector(values: Sequence[float]) -> tuple[float, float, float]:
-    x, y, z = values
-    return x, y, z
-
-
-def _optional(message: Any, name: str) -> Any:
-    return getattr(message, name) if message.HasField(name) else None
+    raw = RawImage.FromString(message.data)
+    size_px = (raw.width, raw.height)
+    if len(raw.data) != raw.width * raw.height * DEPTH_BYTES.get(raw.encoding, -1):
+        raise PomologError(f"the depth at {message.log_ns} ns is no picture of 16UC1 or 32FC1")
+    return Depth(message.log_ns, cast("DepthEncoding", raw.encoding), raw.data, size_px)
 
 
 def encode_reading(reading: RangeReading) -> Any:
     """An answer of the rangefinder, absent numbers absent."""
     return RangeReadingMessage(
-        timestamp=_timestamp(reading.time_ns),
+        timestamp=timestamp_of(reading.time_ns),
         range_m=reading.range_m,
         std_m=reading.std_m,
         status=reading.status,
@@ -216,18 +166,18 @@ def decode_reading(message: RawMessage) -> RangeReading:
     reading = RangeReadingMessage.FromString(message.data)
     return RangeReading(
         time_ns=message.log_ns,
-        range_m=_optional(reading, "range_m"),
-        std_m=_optional(reading, "std_m"),
+        range_m=optional(reading, "range_m"),
+        std_m=optional(reading, "std_m"),
         status=reading.status,
         raw=reading.raw,
-        apple_id=_optional(reading, "apple_id"),
+        apple_id=optional(reading, "apple_id"),
     )
 
 
 def encode_rig(rig: Rig, time_ns: int) -> Iterator[tuple[str, Any]]:
     """Calibrations with the rectification that follows, and the transforms seen from the left."""
     parallel = rectify(rig)
-    stamp = _timestamp(time_ns)
+    stamp = timestamp_of(time_ns)
     for side in SIDES:
         camera, view = rig.camera(side), parallel.view(side)
         shift = 0.0 if side == "left" else -view.matrix[0, 0] * parallel.baseline_m
@@ -246,7 +196,7 @@ def encode_rig(rig: Rig, time_ns: int) -> Iterator[tuple[str, Any]]:
 
 def encode_note(note: Note) -> Any:
     """An operator's line as Foxglove's Log."""
-    return Log(timestamp=_timestamp(note.time_ns), level=Log.INFO, message=note.text)
+    return Log(timestamp=timestamp_of(note.time_ns), level=Log.INFO, message=note.text)
 
 
 def decode_note(message: RawMessage) -> Note:

@@ -15,8 +15,14 @@ import numpy.typing as npt
 Side = Literal["left", "right"]
 SIDES: tuple[Side, Side] = ("left", "right")
 
-Encoding = Literal["jpeg", "png", "webp", "bayer_rggb8", "bgr8"]
+Encoding = Literal[
+    "jpeg", "png", "webp",
+    "bayer_rggb8", "bayer_bggr8", "bayer_gbrg8", "bayer_grbg8", "bgr8",
+]  # fmt: skip
 COMPRESSED: frozenset[Encoding] = frozenset(("jpeg", "png", "webp"))
+DepthEncoding = Literal["16UC1", "32FC1"]
+DEPTH_BYTES: dict[str, int] = {"16UC1": 2, "32FC1": 4}  # a pixel
+OutlineKind = Literal["box", "circle"]
 
 TruthPoint = Literal["centre", "surface"]
 
@@ -40,6 +46,27 @@ class Frame:
     data: bytes
     size_px: tuple[int, int]  # (width, height)
     sequence: int = 0  # the camera's own count, where it has one
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Depth:
+    """What a depth camera saw, pixel by pixel of the left picture.
+
+    `data` holds rows without padding, little-endian: "16UC1" millimetres with 0 where it saw
+    nothing, or "32FC1" metres with NaN (or 0) there.
+    """
+
+    time_ns: int  # of the left frame that it belongs to, or near it
+    encoding: DepthEncoding
+    data: bytes
+    size_px: tuple[int, int]  # (width, height)
+
+    def metres(self) -> npt.NDArray[np.float64]:
+        """(H, W) float64 along the optical axis; NaN where nothing was seen."""
+        kind, unit_m = ("<u2", 1e-3) if self.encoding == "16UC1" else ("<f4", 1.0)
+        depth = np.frombuffer(self.data, kind).reshape(self.size_px[::-1]).astype(float) * unit_m
+        depth[~(np.isfinite(depth) & (depth > 0))] = np.nan
+        return depth
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,11 +117,24 @@ class AppleTruth:
         return centre_range_m - (self.radius_m if self.truth_point == "surface" else 0.0)
 
 
+@dataclass(frozen=True, slots=True)
+class Outline:
+    """An apple in one view of which a label says a box or a circle, but not its pixels."""
+
+    side: Side
+    id: int  # UNCOUNTED: counts neither way
+    kind: OutlineKind
+    x_px: float  # of its left edge; the centre of the first pixel is 0
+    y_px: float  # of its upper edge
+    width_px: float
+    height_px: float
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class FrameTruth:
     """What is known of the fruit in one stereo pair.
 
-    `None` means "nobody said"; an empty tuple of apples means "there are none".
+    `None` means "nobody said"; an empty tuple means "there are none".
     """
 
     left: Labels | None = None
@@ -102,6 +142,15 @@ class FrameTruth:
     apples: tuple[AppleTruth, ...] | None = None
     partial: bool = False  # unlabelled fruit exist: a fruit found elsewhere is no mistake
     identified: bool = True  # False for plain masks, where label 1 only says "some apple"
+    shared: bool = True  # the same number is the same apple in both views; False: in one view only
+    left_outlines: tuple[Outline, ...] | None = (
+        None  # in place of labels, where no pixels are known
+    )
+    right_outlines: tuple[Outline, ...] | None = None
+
+    def outlines(self, side: Side) -> tuple[Outline, ...] | None:
+        """The outlines of that view."""
+        return self.left_outlines if side == "left" else self.right_outlines
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -114,6 +163,7 @@ class StereoPair:
     readings: tuple[RangeReading, ...] = ()
     truth: FrameTruth | None = None
     conditions: Mapping[str, str] = field(default_factory=dict)  # lighting, cultivar, ... by then
+    depth: Depth | None = None
 
     @property
     def time_ns(self) -> int:

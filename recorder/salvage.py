@@ -221,7 +221,8 @@ def _messages(wreck: Wreck, opcode: int, body: bytes, limits: Limits) -> Iterato
                 wreck.schemas[item.id] = item.name
             elif isinstance(item, Channel):
                 wreck.topics[item.id] = item.topic
-                wreck.raw_images |= wreck.schemas.get(item.schema_id) == RAW_IMAGE_SCHEMA
+                raw = wreck.schemas.get(item.schema_id) == RAW_IMAGE_SCHEMA
+                wreck.raw_images |= raw and item.topic in IMAGE_TOPICS.values()
             elif isinstance(item, Message):
                 topic = wreck.topic(item.channel_id)
                 if topic not in TOPICS:
@@ -288,7 +289,8 @@ def salvage(path: Path, out: Path) -> Wreck:
         writer = MessageWriter(stream, metadata, raw_images=raw_images)
         for message in itertools.chain((first,), messages):
             writer.copy(message)
-        if "ledger" in wreck.metadata:
-            writer.add_metadata("ledger", wreck.metadata["ledger"])
+        for record in ("pictures", "ledger"):
+            if record in wreck.metadata:
+                writer.add_metadata(record, wreck.metadata[record])
         writer.finish()
     return wreck

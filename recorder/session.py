@@ -16,6 +16,7 @@ from recorder.container import Container
 from recorder.errors import PomologError
 from recorder.mcap_records import DEFAULT_LIMITS, Limits, RawMessage, reporting_damage
 from recorder.message_writer import metadata_crc
+from recorder.one_view import ONE_VIEW, black_frame
 from recorder.pairing import pair_by_time
 from recorder.profile import (
     IMAGE_TOPICS,
@@ -24,16 +25,16 @@ from recorder.profile import (
     RIG_TOPICS,
     TOPICS,
     TRUTH_TOPICS,
+    decode_depth,
     decode_frame,
-    decode_labels,
     decode_note,
     decode_reading,
     decode_rig,
     decode_transforms,
-    decode_truth,
 )
 from recorder.records import (
     SIDES,
+    Depth,
     Frame,
     FrameTruth,
     Note,
@@ -48,6 +49,7 @@ from recorder.status import (
     decode_stamp,
     decode_status,
 )
+from recorder.truth_messages import decode_labels, decode_truth
 
 DEFAULT_MAX_SKEW_NS: Final = 5_000_000  # at 300 mm/s a skew of 5 ms costs 7.5 mm at 1 m
 READING_WINDOW_NS: Final = 500_000_000  # a reading further away than this belongs to no pair
@@ -55,7 +57,7 @@ READING_WINDOW_NS: Final = 500_000_000  # a reading further away than this belon
 # metadata that says how the file is made, not what was recorded
 NOT_CONDITIONS: Final = frozenset((
     "profile", "images", "rig", "rangefinder_std_m", "max_skew_ns", "made_by", "salvaged_from",
-    "clock_zero_ns", "segment", "equipment",
+    "clock_zero_ns", "segment", "equipment", "views", "calibration", "imported_from",
 ))  # fmt: skip
 
 
@@ -84,6 +86,7 @@ class Session:
     Attributes:
         metadata: the `session` record without its checksum.
         ledger: the recorder's final counts, empty where none were kept.
+        max_skew_ns: frames further apart than this are no pair.
 
     Raises:
         TornFileError: the recording was cut off; `pomolog salvage` makes it whole.
@@ -99,6 +102,7 @@ class Session:
             records = self._container.metadata()
             self.metadata = _checked_metadata(path, records.get("session"))
             self.ledger = _checked_metadata(path, records.get("ledger", {}))
+            self._picture_names = _checked_metadata(path, records.get("pictures", {}))
             self._check_profile()
             if not all("crc32" in record for record in records.values()):
                 raise PomologError(_fails_crc(path))  # lost: a session's metadata always have one
@@ -106,9 +110,11 @@ class Session:
                 side: self._container.times_ns(topic) for side, topic in IMAGE_TOPICS.items()
             }
             with reporting_damage(path, "its metadata"):
-                max_skew_ns = int(self.metadata.get("max_skew_ns", DEFAULT_MAX_SKEW_NS))
+                self.max_skew_ns = int(self.metadata.get("max_skew_ns", DEFAULT_MAX_SKEW_NS))
+            if self.one_view:
+                self._image_times["right"] = self._image_times["left"]
             self._pairs = pair_by_time(
-                self._image_times["left"], self._image_times["right"], max_skew_ns
+                self._image_times["left"], self._image_times["right"], self.max_skew_ns
             )
         except BaseException:
             self.close()
@@ -148,6 +154,20 @@ class Session:
         return self.path.stem
 
     @property
+    def one_view(self) -> bool:
+        """Whether there is only a left camera; its pairs then have a black right frame."""
+        return all(self.metadata.get(key) == value for key, value in ONE_VIEW.items())
+
+    def names(self, side: Side) -> tuple[str, ...]:
+        """What the pictures were called where they came from, in time order; empty if unsaid."""
+        return tuple(self._picture_names.get(side, "").splitlines())
+
+    @property
+    def picture_names(self) -> dict[str, str]:
+        """The metadata record behind `names`, for copies of the session."""
+        return self._picture_names
+
+    @property
     def rig(self) -> Rig:
         """The rig that the session was recorded with.
 
@@ -170,7 +190,7 @@ class Session:
         return SessionInfo(
             profile=self.metadata["profile"],
             frames=sum(counts.get(topic, 0) for topic in IMAGE_TOPICS.values()),
-            pairs=len(self),
+            pairs=0 if self.one_view else len(self),
             topics=counts,
             start_ns=statistics.message_start_time if counts else None,
             end_ns=statistics.message_end_time if counts else None,
@@ -215,7 +235,7 @@ class Session:
         window: tuple[int | None, int | None],
     ) -> Iterator[StereoPair]:
         """Gather each pair's messages as they pass; a pair is whole once its window is over."""
-        topics = {*IMAGE_TOPICS.values(), *TRUTH_TOPICS, "/rangefinder"}
+        topics = {*IMAGE_TOPICS.values(), *TRUTH_TOPICS, "/rangefinder", "/depth"}
         pair_of = {
             (topic, int(times[i, column])): i
             for column, known in enumerate(
@@ -240,26 +260,50 @@ class Session:
                 if abs(lefts[nearest] - message.log_ns) <= READING_WINDOW_NS:
                     readings.setdefault(nearest, []).append(decode_reading(message))
                 continue
+            if message.topic == "/depth":
+                self._place_depth(message, lefts, found)
+                continue
             index = pair_of.get((message.topic, message.log_ns))
             if index is not None:
                 found.setdefault(index, {}).setdefault(message.topic, message)
         for index in range(due, stop):
             yield self._pair(index, found.pop(index, {}), readings.pop(index, []))
 
+    def _place_depth(
+        self, message: RawMessage, lefts: Sequence[int], found: dict[int, dict[str, RawMessage]]
+    ) -> None:
+        """Give a depth picture to the pair of its moment, if none is nearer."""
+        index = _nearest_place(lefts, message.log_ns)
+        held = found.setdefault(index, {}).get("/depth")
+        gaps_ns = [abs(lefts[index] - m.log_ns) for m in (message, held) if m is not None]
+        if gaps_ns[0] <= self.max_skew_ns and gaps_ns[0] == min(gaps_ns):
+            found[index]["/depth"] = message
+
     def _pair(
         self, index: int, found: Mapping[str, RawMessage], readings: Sequence[RangeReading]
     ) -> StereoPair:
-        missing = [topic for topic in IMAGE_TOPICS.values() if topic not in found]
+        sides = SIDES[:1] if self.one_view else SIDES
+        missing = [IMAGE_TOPICS[side] for side in sides if IMAGE_TOPICS[side] not in found]
         if missing:
             raise PomologError(
                 f"{self.path} is damaged (its index has a {missing[0]} for pair {index} that is "
                 f"not there); try: pomolog salvage {self.path} -o whole.mcap"
             )
-        left, right = (
-            self._frame(side, found[topic], index) for side, topic in IMAGE_TOPICS.items()
+        left = self._frame("left", found["/left/image"], index)
+        right = (
+            black_frame(left)
+            if self.one_view
+            else self._frame("right", found["/right/image"], index)
         )
-        conditions = self._conditions(left.time_ns)
-        return StereoPair(index, left, right, tuple(readings), self._truth(found), conditions)
+        return StereoPair(
+            index,
+            left,
+            right,
+            tuple(readings),
+            self._truth(found),
+            self._conditions(left.time_ns),
+            decode_depth(found["/depth"]) if "/depth" in found else None,
+        )
 
     def _conditions(self, time_ns: int) -> dict[str, str]:
         """What the metadata says of the session, and the notes since then."""
@@ -271,7 +315,7 @@ class Session:
         return said | dict(pair for set_ns, pair in self._set_by_notes if set_ns <= time_ns)
 
     def _frame(self, side: Side, message: RawMessage, index: int) -> Frame:
-        frame = decode_frame(side, message, self._container.schema_name(message.topic) or "")
+        frame = decode_frame(side, message, self.schema(message.topic))
         wanted = self.rig.camera(side).size_px
         if frame.size_px != wanted:
             raise PomologError(
@@ -299,6 +343,12 @@ class Session:
             for message in self._container.messages(("/rangefinder",)):
                 yield decode_reading(message)
 
+    def depths(self) -> Iterator[Depth]:
+        """Every depth picture, near a pair or not."""
+        with reporting_damage(self.path, "its depth"):
+            for message in self._container.messages(("/depth",)):
+                yield decode_depth(message)
+
     def notes(self) -> Iterator[Note]:
         """The operator's notes."""
         with reporting_damage(self.path, "its notes"):
@@ -321,6 +371,10 @@ class Session:
         """Every message of the profile's topics as it lies there, in time order."""
         return self._container.messages(tuple(TOPICS))
 
+    def schema(self, topic: str) -> str:
+        """The schema's name of a topic."""
+        return self._container.schema_name(topic) or ""
+
     @property
     def raw_images(self) -> bool:
         """Whether the frames are raw (Bayer or BGR)."""
@@ -341,7 +395,7 @@ class Session:
             PomologError: a view has no frames, or no two frames are of one time.
         """
         counts = {side: len(self._image_times[side]) for side in SIDES}
-        for side in SIDES:
+        for side in SIDES:  # of one view, the right times are the left ones
             if counts[side] == 0:
                 raise PomologError(
                     f"no {IMAGE_TOPICS[side]} among the {sum(counts.values())} frames of "

@@ -7,18 +7,20 @@ from typing import Any, BinaryIO, Self
 
 from recorder.errors import PomologError
 from recorder.files import replacing
+from recorder.mcap_records import RawMessage
 from recorder.message_writer import MessageWriter
 from recorder.profile import (
     IMAGE_TOPICS,
+    encode_depth,
     encode_frame,
     encode_note,
     encode_reading,
     encode_rig,
-    encode_truth,
 )
-from recorder.records import COMPRESSED, Frame, FrameTruth, Note, RangeReading
+from recorder.records import COMPRESSED, Depth, Frame, FrameTruth, Note, RangeReading
 from recorder.rig import Rig
 from recorder.status import FrameStamp, RecorderStatus, encode_stamp, encode_status
+from recorder.truth_messages import encode_truth
 
 
 class SessionWriter:
@@ -93,6 +95,29 @@ class SessionWriter:
         for topic, message in encode_truth(time_ns, truth):
             self._write(topic, time_ns, message)
 
+    def write_depth(self, depth: Depth) -> None:
+        """Write a depth picture.
+
+        Raises:
+            PomologError: it is not of the left camera's size, pixel by pixel.
+        """
+        size_px = self._rig.left.size_px
+        if depth.size_px != size_px:
+            raise PomologError(
+                f"a depth picture of {depth.size_px[0]} x {depth.size_px[1]} px, but the left "
+                f"picture has {size_px[0]} x {size_px[1]}; is it aligned to the left camera?"
+            )
+        self._write("/depth", depth.time_ns, encode_depth(depth))
+
+    def copy(self, message: RawMessage) -> None:
+        """Write a message of another session as it is."""
+        self._begin(message.log_ns)
+        self._out.copy(message)
+
+    def add_metadata(self, name: str, entries: Mapping[str, str]) -> None:
+        """Keep a record: `ledger`, or `pictures`, what they were called (a line each, by side)."""
+        self._out.add_metadata(name, entries)
+
     def write_note(self, note: Note) -> None:
         """Write a line that the operator typed."""
         self._write("/notes", note.time_ns, encode_note(note))
@@ -106,11 +131,15 @@ class SessionWriter:
         self._write("/recorder/status", status.time_ns, encode_status(status))
 
     def _write(self, topic: str, time_ns: int, message: Any, sequence: int | None = None) -> None:
+        self._begin(time_ns)
+        self._out.write(topic, time_ns, message.SerializeToString(), sequence=sequence)
+
+    def _begin(self, time_ns: int) -> None:
+        """The rig stands before the first message."""
         if not self._rig_written:
             self._rig_written = True
-            for rig_topic, rig_message in encode_rig(self._rig, time_ns):
-                self._out.write(rig_topic, time_ns, rig_message.SerializeToString())
-        self._out.write(topic, time_ns, message.SerializeToString(), sequence=sequence)
+            for topic, message in encode_rig(self._rig, time_ns):
+                self._out.write(topic, time_ns, message.SerializeToString())
 
     def flush(self) -> None:
         """End the chunk in progress and hand it to the operating system."""

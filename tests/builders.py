@@ -3,7 +3,7 @@
 import struct
 import zlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -66,7 +66,7 @@ def encoded(encoding: Encoding = "png", seed: int = 0, size_px: tuple[int, int] 
     bgr = picture(seed, size_px)
     if encoding == "bgr8":
         return bgr.tobytes()
-    if encoding == "bayer_rggb8":
+    if encoding.startswith("bayer"):
         return bgr[..., 0].tobytes()
     done, data = cv2.imencode({"jpeg": ".jpg"}.get(encoding, f".{encoding}"), bgr)
     assert done
@@ -157,12 +157,10 @@ def rotation_of(turn_rad: Sequence[float]) -> Floats:
 # sessions
 
 
-def truth(
-    seed: int = 0, *, apples: Sequence[AppleTruth] | None = None, **flags: bool
-) -> FrameTruth:
+def truth(seed: int = 0, *, apples: Sequence[AppleTruth] | None = None, **flags: Any) -> FrameTruth:
     """Labels in both views and, if given, apples."""
     listed = None if apples is None else tuple(apples)
-    return FrameTruth(labels(seed), labels(seed + 1), listed, **flags)
+    return replace(FrameTruth(labels(seed), labels(seed + 1), listed), **flags)
 
 
 def session_file(

@@ -88,7 +88,7 @@ def test_a_channels_number_says_its_topic_for_ever() -> None:
     assert list(TOPICS) == [
         "/left/image", "/right/image", "/left/calibration", "/right/calibration", "/tf",
         "/rangefinder", "/truth/left", "/truth/right", "/truth/apples", "/notes",
-        "/recorder/status", "/recorder/stamps",
+        "/recorder/status", "/recorder/stamps", "/depth",
     ]  # fmt: skip
 
 

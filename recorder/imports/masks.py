@@ -14,7 +14,7 @@ from recorder.files import replacing
 from recorder.imports.frames import pictures_in
 from recorder.message_writer import MessageWriter
 from recorder.pictures import identify, verify
-from recorder.profile import TRUTH_TOPICS, encode_truth
+from recorder.profile import TRUTH_TOPICS
 from recorder.records import (
     SIDES,
     UNCOUNTED,
@@ -25,6 +25,7 @@ from recorder.records import (
     TruthPoint,
 )
 from recorder.session import Session
+from recorder.truth_messages import encode_truth
 
 
 class _ViewEntry(BaseModel):
@@ -134,6 +135,8 @@ def label_session(
                 for topic, encoded in encode_truth(pair.time_ns, masks.truth(pair)):
                     writer.write(topic, pair.time_ns, encoded.SerializeToString())
                 tick()
+        if session.picture_names:
+            writer.add_metadata("pictures", session.picture_names)
         if session.ledger:
             writer.add_metadata("ledger", session.ledger)
         writer.finish()

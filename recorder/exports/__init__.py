@@ -1,0 +1,1 @@
+"""Ways out: sessions -> the files of other tools."""
