@@ -85,9 +85,13 @@ def load_method(choice: str) -> tuple[str, Locator]:
     try:
         table = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
-        raise PomologError(f"cannot read method {path}: {error.strerror}") from None
+        raise PomologError(
+            f"cannot read method {path}: {error.strerror}; is the name right?"
+        ) from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise PomologError(f"{path} is not TOML: {error}") from None
+        raise PomologError(
+            f"{path} is not TOML: {error}; see one with: pomolog methods paper"
+        ) from None
     try:
         return path.stem, locator_from(table)
     except PomologError as error:
@@ -130,7 +134,9 @@ def _alternative(
         if key not in hints:
             raise PomologError(f"[{stage}] {use} has no {key!r}; it has {', '.join(hints)}")
         if isinstance(value, float) and not math.isfinite(value):
-            raise PomologError(f"[{stage}] {key}: {value} is no number to work with")
+            raise PomologError(
+                f"[{stage}] {key}: {value} is no number to work with; give a finite one"
+            )
     values = {key: _value(f"[{stage}] {key}", hints[key], value) for key, value in given.items()}
     models = {key: _part(DEFAULT_MODEL, hint) for key, hint in hints.items() if hint in MODEL_PARTS}
     try:

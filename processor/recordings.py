@@ -24,4 +24,6 @@ def join_recordings(parts: Sequence[Path], out: Path) -> None:
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode != 0:
         reason = " ".join(done.stderr.split())[-300:]
-        raise PomologError(f"cannot join the recordings of {out.parent}: {reason}")
+        raise PomologError(
+            f"cannot join the recordings of {out.parent}: {reason}; is the disk full?"
+        )

@@ -127,7 +127,7 @@ def load_equipment(path: Path) -> Equipment:
     except OSError as error:
         raise PomologError(f"cannot read {path}: {error.strerror}; give --rig a rig.toml") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise PomologError(f"{path}: not TOML: {error}") from None
+        raise PomologError(f"{path}: not TOML: {error}; see docs/recording.md") from None
     except ValidationError as error:
         first = error.errors()[0]
         key = ".".join(map(str, first["loc"]))

@@ -104,5 +104,7 @@ def decode(frame: Frame) -> Picture:
     else:
         picture = None
     if picture is None or picture.shape != (height_px, width_px, 3):
-        raise PomologError(f"{where} is no {width_px} x {height_px} {frame.encoding} picture")
+        raise PomologError(
+            f"{where} is no {width_px} x {height_px} {frame.encoding} picture; is it damaged?"
+        )
     return picture

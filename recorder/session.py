@@ -131,7 +131,8 @@ class Session:
             )
         raise PomologError(
             f"{self.path} is an MCAP file but no pomolog session "
-            f"(topics: {', '.join(sorted(self._container.counts())[:8]) or 'none'})"
+            f"(topics: {', '.join(sorted(self._container.counts())[:8]) or 'none'}); "
+            "others' recordings become one with: pomolog import bag"
         )
 
     def __enter__(self) -> Self:

@@ -82,7 +82,9 @@ class SessionWriter:
                 f"rig's {frame.side} camera has {size_px[0]} x {size_px[1]}; is it the right rig?"
             )
         if (frame.encoding not in COMPRESSED) != self._raw_images:
-            raise PomologError("raw and compressed frames cannot be mixed in one session")
+            raise PomologError(
+                "raw and compressed frames cannot be mixed in one session; write two"
+            )
         topic = IMAGE_TOPICS[frame.side]
         self._write(topic, frame.time_ns, encode_frame(frame), frame.sequence)
 

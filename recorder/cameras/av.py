@@ -70,9 +70,11 @@ class AvCamera:
         try:
             packet = next(self._packets, None)
         except self._errors as error:
-            raise PomologError(f"camera {self._device} is gone ({error})") from None
+            raise PomologError(
+                f"camera {self._device} is gone ({error}); it is opened again"
+            ) from None
         if packet is None or packet.size == 0:
-            raise PomologError(f"camera {self._device} has ended its stream")
+            raise PomologError(f"camera {self._device} has ended its stream; it is opened again")
         host_ns, monotonic_ns = arrival()
         data = bytes(packet)
         self._frames += 1

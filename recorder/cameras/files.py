@@ -40,7 +40,10 @@ class FilesCamera:
         elif self._path.is_file():
             self._video = cv2.VideoCapture(str(self._path))
             if not self._video.isOpened():
-                raise PomologError(f"{self._path} is no video that can be played")
+                raise PomologError(
+                    f"{self._path} is no video that can be played; "
+                    "give a folder of pictures, or an AVI or MP4"
+                )
         if not self._paths and self._video is None:
             raise PomologError(f"no pictures to play at {self._path}; is the name right?")
         self._tick = count(time.monotonic_ns() // self._period_ns + 1)
@@ -72,7 +75,7 @@ class FilesCamera:
             self._video.set(cv2.CAP_PROP_POS_FRAMES, 0)
             read, picture = self._video.read()
         if not read or picture is None:
-            raise PomologError(f"{self._path} ends without a picture")
+            raise PomologError(f"{self._path} ends without a picture; does it play elsewhere?")
         return picture.tobytes(), (picture.shape[1], picture.shape[0])
 
     def trigger(self) -> None:

@@ -60,7 +60,8 @@ class PylonCamera:
         except self._error as error:
             self.close()
             raise PomologError(
-                f"camera {settings.device} refuses its settings ({_reason(error)})"
+                f"camera {settings.device} refuses its settings ({_reason(error)}); "
+                "try them in the pylon Viewer"
             ) from None
         except PomologError:
             self.close()
@@ -93,7 +94,9 @@ class PylonCamera:
 
     def _set(self, name: str, value: Feature) -> None:
         if not self._has(name):
-            raise PomologError(f"camera {self._device} has no feature {name}")
+            raise PomologError(
+                f"camera {self._device} has no feature {name}; see what it has in the pylon Viewer"
+            )
         getattr(self._camera, name).Value = value
 
     def next_shot(self, timeout_s: float) -> Shot | None:
@@ -107,7 +110,9 @@ class PylonCamera:
                 round(timeout_s * 1000), self._pylon.TimeoutHandling_Return
             )
         except self._error as error:
-            raise PomologError(f"camera {self._device} is gone ({_reason(error)})") from None
+            raise PomologError(
+                f"camera {self._device} is gone ({_reason(error)}); it is opened again"
+            ) from None
         if not result.IsValid():
             return None
         host_ns, monotonic_ns = arrival()

@@ -111,7 +111,7 @@ def _read(side: Side, path: Path, time_ns: int, sequence: int) -> Frame:
     try:
         data = path.read_bytes()
     except OSError as error:
-        raise PomologError(f"cannot read {path}: {error.strerror}") from None
+        raise PomologError(f"cannot read {path}: {error.strerror}; is it still there?") from None
     encoding, size_px = identify(data, str(path))
     verify(data, str(path))
     return Frame(side, time_ns, encoding, data, size_px, sequence)

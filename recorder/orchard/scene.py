@@ -259,7 +259,7 @@ def load_scene(path: Path) -> Scene:
     try:
         return Scene.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise PomologError(f"{path} is not TOML: {error}") from None
+        raise PomologError(f"{path} is not TOML: {error}; see docs/orchard.md") from None
     except ValidationError as error:
         raise PomologError(f"{path}: {_first_fault(error)}; see docs/orchard.md") from None
 

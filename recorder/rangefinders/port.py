@@ -45,7 +45,9 @@ class SerialPort:
         try:
             self._port.write(command)
         except (self._error, OSError) as error:
-            raise PomologError(f"the rangefinder at {self.name} is gone ({error})") from None
+            raise PomologError(
+                f"the rangefinder at {self.name} is gone ({error}); it is opened again"
+            ) from None
 
     def read(self) -> bytes:
         """What has come within a twentieth of a second.
@@ -57,7 +59,9 @@ class SerialPort:
             first: bytes = self._port.read(1)
             return first + self._port.read(self._port.in_waiting) if first else b""
         except (self._error, OSError, TypeError) as error:  # pyserial's TypeError: closed meanwhile
-            raise PomologError(f"the rangefinder at {self.name} is gone ({error})") from None
+            raise PomologError(
+                f"the rangefinder at {self.name} is gone ({error}); it is opened again"
+            ) from None
 
     def close(self) -> None:
         """Close the port; one that is gone closes without a word."""
