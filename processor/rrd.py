@@ -20,7 +20,7 @@ import rerun_bindings
 from processor.count import FrameCounts
 from processor.palette import ALONE, ESTIMATE, FALSE, HIT, REJECTED
 from processor.rrd_numbers import draw_charts, draw_numbers
-from processor.rrd_pictures import index_picture, joined_picture, mask_picture
+from processor.rrd_pictures import index_picture, joined_picture, mask_picture, recorded
 from processor.rrd_session import (
     draw_beam,
     draw_exposure,
@@ -122,10 +122,12 @@ class RrdWriter:
     def write_pair(self, pair: StereoPair) -> None:
         """Draw one frame in which nobody has looked for fruit yet."""
         frames = {"left": pair.left, "right": pair.right}
-        pictures = {
-            side: self._rectification.view(side).picture(decode(frames[side])) for side in SIDES
-        }
+        shot = {side: decode(frames[side]) for side in SIDES}
+        pictures = {side: self._rectification.view(side).picture(shot[side]) for side in SIDES}
         self._draw_pair(pair, pictures)
+        for side in SIDES:  # with pixels of its own, so it stands beside the camera
+            if self._rectification.view(side).maps is not None:
+                self._rec.log(f"recorded/{side}", recorded(frames[side], shot[side]))
 
     def _draw_pair(self, pair: StereoPair, pictures: dict[Side, Any]) -> None:
         draw_moment(self._rec, pair.index, pair.time_ns, self._first_ns)

@@ -29,6 +29,7 @@ from recorder.records import (
 )
 from recorder.rig import Rangefinder, Rig, parallel_rig
 from recorder.session_writer import SessionWriter
+from recorder.status import RecorderStatus
 
 # BGR. Fruit by all readings of the rule (R - G = 160, G - B = 10) and both other indicators
 RED: Final = (30, 40, 200)
@@ -133,6 +134,7 @@ def stereo_session(
     lighting: str = "",
     encoding: Encoding = "png",
     readings: Sequence[RangeReading] = (),
+    statuses: Sequence[RecorderStatus] = (),
 ) -> Path:
     """A session with one pair a second, the apples of each drawn and, with `truth`, told."""
     rig = rig or small_rig()
@@ -155,6 +157,8 @@ def stereo_session(
                 writer.write_truth(time_ns, known)
         for reading in readings:
             writer.write_reading(reading)
+        for status in statuses:
+            writer.write_status(status)
     return path
 
 

@@ -38,6 +38,7 @@ from recorder.rectify import rectify
 from recorder.rig import Camera, Rangefinder, Rig
 from recorder.session import Session
 from tests.scenes import TINY, apple, small_rig, stereo_session, tiny_rig
+from viewer.session_rrd import draw_session_file
 
 BEAM = Rangefinder(np.array([0.0, 0.05, 0.0]), np.array([0.0, 0.0, 1.0]), 0.001)
 OF_A_VIEW = (
@@ -271,23 +272,41 @@ def test_truth_without_apples_or_labels_is_drawn_as_nothing(tmp_path: Path) -> N
     assert recording.at("world/left/truth", "Ellipses2D:centers", 0) == []
 
 
-def test_a_distorted_rigs_recorded_pictures_stand_beside_the_rectified(tmp_path: Path) -> None:
-    plain = small_rig()
-    lens = Camera(plain.left.size_px, plain.left.matrix, np.array([-0.2, 0.05, 0.0, 0.0, 0.0]))
-    rig = Rig(lens, lens, plain.rotation, plain.translation_m)
-    session = stereo_session(tmp_path / "row.mcap", [[apple(1)]], rig=rig, encoding="jpeg")
+def test_a_distorted_rigs_pictures_are_resampled_and_not_there_twice(tmp_path: Path) -> None:
+    session = stereo_session(
+        tmp_path / "row.mcap", [[apple(1)]], rig=distorted_rig(), encoding="jpeg"
+    )
     (done,) = replay([session], tmp_path, Locator())
     assert isinstance(done, Replayed)
     recording = Recording(done.out / "trace.rrd")
     with Session(session) as opened:
         (pair,) = opened.pairs()
+        expected = rectify(opened.rig).left.picture(decode(pair.left))
+    shown = cv2.imdecode(
+        np.frombuffer(recording.blob("world/left/picture", 0), np.uint8), cv2.IMREAD_COLOR
+    )
+    assert shown is not None
+    assert np.abs(shown.astype(int) - expected).mean() < 3  # JPEG's own loss
+    assert not any(entity.startswith("recorded") for entity in recording.columns)
+
+
+def test_a_distorted_session_alone_shows_the_recorded_bytes_too(tmp_path: Path) -> None:
+    session = stereo_session(
+        tmp_path / "row.mcap", [[apple(1)]], rig=distorted_rig(), encoding="jpeg"
+    )
+    draw_session_file(session, tmp_path / "row.rrd")
+    recording = Recording(tmp_path / "row.rrd")
+    with Session(session) as opened:
+        (pair,) = opened.pairs()
     assert recording.blob("recorded/left", 0) == pair.left.data
     assert recording.blob("recorded/right", 0) == pair.right.data
-    rectified = recording.blob("world/left/picture", 0)
-    assert rectified != pair.left.data
-    shown = cv2.imdecode(np.frombuffer(rectified, np.uint8), cv2.IMREAD_COLOR)
-    assert shown is not None
-    assert shown.shape == (240, 320, 3)
+    assert recording.blob("world/left/picture", 0) != pair.left.data
+
+
+def distorted_rig() -> Rig:
+    plain = small_rig()
+    lens = Camera(plain.left.size_px, plain.left.matrix, np.array([-0.2, 0.05, 0.0, 0.0, 0.0]))
+    return Rig(lens, lens, plain.rotation, plain.translation_m)
 
 
 @pytest.fixture

@@ -17,7 +17,8 @@ def command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str])
 
 
 def test_view_of_nothing_is_one_line(command: Command, tmp_path: Path) -> None:
-    assert_one_line(command("view", tmp_path), "no recording in", "pomolog replay")
+    nothing = command("view", tmp_path, "--save", tmp_path / "a.rrd")
+    assert_one_line(nothing, "no results in", "pomolog replay")
 
 
 def test_view_without_a_screen_is_one_line(command: Command, tmp_path: Path) -> None:

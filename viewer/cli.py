@@ -3,11 +3,14 @@
 import json
 import shutil
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from recorder.errors import PomologError
+
+if TYPE_CHECKING:
+    from processor.worst import Kind
 
 app = typer.Typer(
     add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False,
@@ -22,15 +25,71 @@ def _viewer() -> None:
     """Open runs and sessions."""
 
 
-@app.command(epilog="Example: pomolog view results")
+@app.command(epilog="Example: pomolog view results --worst 10")
 def view(
-    path: Annotated[Path, typer.Argument(metavar="OUT|S", help="Results, or a session.")],
+    paths: Annotated[
+        list[Path],
+        typer.Argument(metavar="OUT...|S", help="Results (several: side by side), or a session."),
+    ],
+    worst: Annotated[int, typer.Option(min=0, help="Step through this many worst cases.")] = 0,
+    kind: Annotated[
+        str, typer.Option(help="Of worst cases: missed, false, wrong match, range; comma between.")
+    ] = "",
+    frame: Annotated[int | None, typer.Option(min=0, help="Open at this frame.")] = None,
+    time: Annotated[
+        float | None, typer.Option(min=0, help="Open at this second of the session.")
+    ] = None,
+    apple: Annotated[int | None, typer.Option(help="Step through a true apple's cases.")] = None,
+    session: Annotated[str, typer.Option(help="Where results have several: this one.")] = "",
+    tab: Annotated[str, typer.Option(help="In front: Overview, Recognise, Circles, ...")] = "",
     web: Annotated[bool, typer.Option("--web", help="Serve to a browser on this machine.")] = False,
+    bind: Annotated[
+        str, typer.Option(help="With --web: the address to serve on; 0.0.0.0 is the whole network.")
+    ] = "127.0.0.1",
+    save: Annotated[
+        Path | None, typer.Option(help="Write a recording with its layout (.rrd), open nothing.")
+    ] = None,
+    memory: Annotated[str, typer.Option(help="What the viewer may hold, like 4GB.")] = "",
 ) -> None:
     """Open results (or a session without any) in Rerun, laid out by question."""
-    from viewer.open import lay_out, open_viewer, recordings
+    from tempfile import TemporaryDirectory
 
-    open_viewer(lay_out(recordings(path)), web=web)
+    from viewer.choose import Wish, choose
+    from viewer.choose import save as save_opening
+    from viewer.open import open_viewer, require_screen
+
+    wish = Wish(worst, _kinds(kind), frame, time, apple, session, _tab(tab))
+    if save is None:
+        require_screen(paths[0], web=web)
+    with TemporaryDirectory(prefix="pomolog-view-") as folder:
+        opening = choose(paths, wish, Path(folder))
+        if save is not None:
+            save_opening(opening, save)
+            print(f"{save}: {save.stat().st_size / 1e6:.1f} MB; open it with: rerun {save}")
+            return
+        open_viewer(
+            opening.files, web=web, bind=bind, memory=memory, frame=opening.frame, say=print
+        )
+
+
+def _kinds(said: str) -> "tuple[Kind, ...]":
+    from processor.worst import KINDS
+
+    asked = [word.strip() for word in said.split(",") if word.strip()]
+    unknown = [word for word in asked if word not in KINDS]
+    if unknown:
+        raise typer.BadParameter(f"{unknown[0]}? it is {', '.join(KINDS)}", param_hint="--kind")
+    return tuple(kind for kind in KINDS if not asked or kind in asked)
+
+
+def _tab(said: str) -> str:
+    from viewer.layout import MAKERS
+
+    names = {name.lower(): name for name in (*MAKERS, "Worst", "Changes")}
+    if said and said.lower() not in names:
+        known = ", ".join(names.values())
+        raise typer.BadParameter(f"{said}? there are {known}", param_hint="--tab")
+    return names.get(said.lower(), "")
 
 
 @app.command(epilog="Example: pomolog report results -o report.html")
@@ -103,7 +162,7 @@ def demo(
     from processor.tables import score_table
     from recorder.progress import progress
     from recorder.session import read_info
-    from viewer.open import lay_out, recordings
+    from viewer.layout import lay_out
 
     session = DEMO_SESSION if DEMO_SESSION.is_file() else _drawn(out)
     name, locator = load_method(method)
@@ -116,9 +175,9 @@ def demo(
     console = Console()
     console.print(f"method {name} on {session.name}, by lighting:")
     console.print(score_table(groups))
-    found = recordings(out)
-    lay_out(found)
-    for recording in found:
+    recordings = [run.folder / "trace.rrd" for run in find_runs([out])]
+    lay_out(recordings)
+    for recording in recordings:
         console.print(f"recording: {recording}", soft_wrap=True, highlight=False)
     command = "pomolog" if shutil.which("pomolog") else ".venv/bin/pomolog"
     console.print(f"look at it with:  {command} view {out}", soft_wrap=True, highlight=False)

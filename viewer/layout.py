@@ -1,18 +1,20 @@
 """The viewer's layout: a Rerun blueprint of our own, a tab for each question."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Final
 
 import rerun.blueprint as rrb
 
 from processor.rrd import APPLICATION
-from recorder.records import SIDES, Side
+from recorder.files import replacing
+from recorder.records import SIDES
+from viewer.views import blueprint, curves, document, in_space, pictured
 
 # Overview: what is there?  Recognise: which pixels, rightly?  Circles: which of the tried?
 # Match: which is which?  Range: how far, how sure?  Health: can the recording be trusted?
 TABS: Final = ("Overview", "Recognise", "Circles", "Match", "Range", "Health")
-SESSION_TABS: Final = ("Overview", "Health")  # of a session without results
+SESSION_TABS: Final = ("Overview", "Recorded", "Health")  # of a session without results
 
 CHART: Final = rrb.VisualBounds2D(x_range=(150.0, 2050.0), y_range=(-680.0, 680.0))
 WHOLE_RUN: Final = [
@@ -21,7 +23,7 @@ WHOLE_RUN: Final = [
         start=rrb.TimeRangeBoundary.infinite(),
         end=rrb.TimeRangeBoundary.infinite(),
     )
-    for timeline in ("frame", "session_time", "capture")
+    for timeline in ("frame", "session_time", "capture", "worst")
 ]
 
 
@@ -35,22 +37,23 @@ def layout(
         active: the one in front; the first where empty.
         timeline: the one to step through.
     """
-    made = {name: MAKERS[name](tabs != SESSION_TABS) for name in tabs}
-    active = active or tabs[0]
-    return blueprint(*made.values(), active=tabs.index(active), timeline=timeline)
+    return _of(tabs, active, timeline, results=True)
 
 
-def blueprint(
-    *tabs: rrb.Container | rrb.View, active: int = 0, timeline: str = "frame"
-) -> rrb.Blueprint:
-    """Tabs in a window of which they have all but the slider of time."""
-    return rrb.Blueprint(
-        rrb.Tabs(*tabs, active_tab=active),
-        rrb.BlueprintPanel(state="collapsed"),
-        rrb.SelectionPanel(state="collapsed"),
-        rrb.TimePanel(timeline=timeline, state="collapsed", play_state="paused"),
-        auto_views=False,
-    )
+def session_layout(*, resampled: bool, active: str = "") -> rrb.Blueprint:
+    """The tabs of a session without results.
+
+    Args:
+        resampled: its pictures are not shown as recorded, so that they get a tab of their own.
+        active: the tab in front.
+    """
+    tabs = tuple(name for name in SESSION_TABS if resampled or name != "Recorded")
+    return _of(tabs, active, "frame", results=False)
+
+
+def _of(tabs: Sequence[str], active: str, timeline: str, *, results: bool) -> rrb.Blueprint:
+    made = [MAKERS[name](results) for name in tabs]
+    return blueprint(*made, active=tabs.index(active or tabs[0]), timeline=timeline)
 
 
 def save_layout(path: Path, made: rrb.Blueprint | None = None) -> None:
@@ -58,30 +61,46 @@ def save_layout(path: Path, made: rrb.Blueprint | None = None) -> None:
     (made or layout()).save(APPLICATION, path)
 
 
+def lay_out(recordings: Iterable[Path]) -> None:
+    """Put our layout beside each recording, so that Rerun alone opens it so too.
+
+    Raises:
+        PomologError: it cannot be written there.
+    """
+    for recording in recordings:
+        with replacing(recording.with_suffix(".rbl")) as part:
+            save_layout(part)
+
+
 def _overview(results: bool) -> rrb.Container:
     layers = ("picture", "truth", "fruit", "numbers") if results else ("picture", "truth")
     title = ": orange located, purple alone, blue true" if results else ": truth in blue"
-    pictures = rrb.Horizontal(*(_view(s, f"{s.capitalize()}{title}", *layers) for s in SIDES))
+    pictures = rrb.Horizontal(*(pictured(s, f"{s.capitalize()}{title}", *layers) for s in SIDES))
     if not results:
-        below = [_space(), _document("about", "Session"), _document("legend", "Colours")]
-        return rrb.Vertical(
-            pictures, rrb.Horizontal(*below, column_shares=[2, 1, 1]), row_shares=[3, 2],
-            name="Overview",
-        )  # fmt: skip
-    curves = rrb.Vertical(
-        _curves("verdict", "How the true apples' matches fared"),
-        _curves("error_mm", "Errors of distance, mm"),
+        known = document("about", "Session"), document("legend", "Colours")
+        below = rrb.Horizontal(in_space(results=False), *known, column_shares=[2, 1, 1])
+        return rrb.Vertical(pictures, below, row_shares=[3, 2], name="Overview")
+    fared = rrb.Vertical(
+        curves("verdict", "How the true apples' matches fared"),
+        curves("error_mm", "Errors of distance, mm"),
     )
     texts = rrb.Tabs(
-        _document("range/table", "Apples of this frame"),
-        _document("about", "Session"),
-        _document("legend", "Colours"),
+        document("range/table", "Apples of this frame"),
+        document("about", "Session"),
+        document("legend", "Colours"),
     )
-    return rrb.Vertical(
-        pictures,
-        rrb.Horizontal(_space(), curves, texts, column_shares=[3, 3, 3]),
-        row_shares=[3, 2],
-        name="Overview",
+    below = rrb.Horizontal(in_space(), fared, texts)
+    return rrb.Vertical(pictures, below, row_shares=[3, 2], name="Overview")
+
+
+def _recorded(_results: bool) -> rrb.Container:
+    """The pictures as they left a camera whose lens bends them."""
+    return rrb.Horizontal(
+        *(
+            rrb.Spatial2DView(origin=f"recorded/{side}", name=f"{side.capitalize()}, as recorded")
+            for side in SIDES
+        ),
+        name="Recorded",
     )
 
 
@@ -90,10 +109,10 @@ def _recognise(_results: bool) -> rrb.Container:
     for side in SIDES:
         name = side.capitalize()
         views += [
-            _view(side, f"{name}: truth in blue", "picture", "truth"),
+            pictured(side, f"{name}: truth in blue", "picture", "truth"),
             rrb.Spatial2DView(origin=f"index/{side}", name=f"{name}: colour index"),
-            _view(side, f"{name}: green hit, red false, blue missed", "picture", "mask"),
-            _view(side, f"{name}: the same, cleaned", "picture", "cleaned"),
+            pictured(side, f"{name}: green hit, red false, blue missed", "picture", "mask"),
+            pictured(side, f"{name}: the same, cleaned", "picture", "cleaned"),
         ]
     return rrb.Grid(*views, grid_columns=4, name="Recognise")
 
@@ -102,7 +121,7 @@ def _circles(_results: bool) -> rrb.Container:
     title = "grey tried, orange or purple chosen, blue true"
     return rrb.Horizontal(
         *(
-            _view(
+            pictured(
                 side, f"{side.capitalize()}: {title}",
                 "picture", "contours", "tried", "truth", "fruit", "numbers",
             )
@@ -131,7 +150,7 @@ def _match(_results: bool) -> rrb.Container:
             rrb.BarChartView(
                 origin="match/correlation", name="Paper: their correlation by shift, px"
             ),
-            _document("match/table", "Matches: cost, 0 best"),
+            document("match/table", "Matches: cost, 0 best"),
             column_shares=[2, 2, 2],
         ),
         row_shares=[3, 2],
@@ -153,32 +172,32 @@ def _range(_results: bool) -> rrb.Container:
                 visual_bounds=CHART,
             ),
             rrb.Horizontal(
-                _curves("error_mm", "Errors of distance, mm"),
-                _curves("health/row_px", "Rows between partners, px: 0 where the rig is true"),
+                curves("error_mm", "Errors of distance, mm"),
+                curves("health/row_px", "Rows between partners, px: 0 where the rig is true"),
             ),
             row_shares=[3, 1],
         ),
-        rrb.Vertical(_document("range/table", "Apples of this frame"), _space()),
+        rrb.Vertical(document("range/table", "Apples of this frame"), in_space()),
         column_shares=[3, 2],
         name="Range",
     )
 
 
 def _health(results: bool) -> rrb.Container:
-    times = [_curves("time_ms", "Time a stage, ms")] if results else []
+    times = [curves("time_ms", "Time a stage, ms")] if results else []
     return rrb.Horizontal(
         rrb.Vertical(
-            _curves("health/overexposed", "Blown out, % of each view"),
-            _curves("health/brightness", "Brightness"),
+            curves("health/overexposed", "Blown out, % of each view"),
+            curves("health/brightness", "Brightness"),
             *times,
         ),
         rrb.Vertical(
-            _curves("health/skew_ms", "Skew: right after left, ms"),
-            _curves("health/lost", "Lost since the beginning"),
-            _curves("health/rate_hz", "Pictures and readings a second"),
+            curves("health/skew_ms", "Skew: right after left, ms"),
+            curves("health/lost", "Lost since the beginning"),
+            curves("health/rate_hz", "Pictures and readings a second"),
         ),
         rrb.Vertical(
-            _document("health/ledger", "Ledger"),
+            document("health/ledger", "Ledger"),
             rrb.TextLogView(origin="health/notes", name="Notes and warnings"),
         ),
         name="Health",
@@ -187,35 +206,10 @@ def _health(results: bool) -> rrb.Container:
 
 MAKERS: Final[dict[str, Callable[[bool], rrb.Container]]] = {
     "Overview": _overview,
+    "Recorded": _recorded,
     "Recognise": _recognise,
     "Circles": _circles,
     "Match": _match,
     "Range": _range,
     "Health": _health,
 }
-
-
-def _view(side: Side, name: str, *layers: str) -> rrb.Spatial2DView:
-    contents = [f"world/{side}/{layer}" for layer in layers]
-    return rrb.Spatial2DView(origin=f"world/{side}", contents=contents, name=name)
-
-
-def _space() -> rrb.Spatial3DView:
-    """The apples from behind the cameras, a little from above."""
-    return rrb.Spatial3DView(
-        origin="world",
-        contents=["world/apples", "world/truth", "world/beam", "world/left", "world/right"],
-        name="In space: orange estimates, blue truth",
-        line_grid=False,
-        eye_controls=rrb.EyeControls3D(
-            position=(0.9, -0.7, -0.9), look_target=(0.1, 0.0, 1.1), eye_up=(0.0, -1.0, 0.0)
-        ),
-    )
-
-
-def _curves(origin: str, name: str) -> rrb.TimeSeriesView:
-    return rrb.TimeSeriesView(origin=origin, name=name)
-
-
-def _document(origin: str, name: str) -> rrb.TextDocumentView:
-    return rrb.TextDocumentView(origin=origin, name=name)
