@@ -135,7 +135,7 @@ _SECTIONS: Final = {
     "what": "What was run, on what",
     "score": "Score by lighting, range and visibility",
     "plots": "Plots",
-    "recording": "Exposure and the recorder’s ledger",
+    "recording": "The recorder’s ledger, and exposure",
     "worst": "Worst cases",
     "repeat": "How to repeat it",
 }
@@ -242,12 +242,12 @@ def _plots(columns: Sequence[Column]) -> Iterator[str]:
 
 def _recording(sessions: Sequence[Run], moved: Sequence[Path], tick: Tick) -> Iterator[str]:
     yield f'<section><h2 id="recording">{_SECTIONS["recording"]}</h2>'
+    yield from ledger(sessions)
     found, problems = lights(sessions, moved, tick)
     if found:
         yield exposure(found)
     for problem in problems:
         yield f'<p class="notrun"><b>Exposure not shown:</b> {escape(problem)}</p>'
-    yield from ledger(sessions)
     yield "</section>"
 
 

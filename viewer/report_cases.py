@@ -63,13 +63,15 @@ def cases_shown(
             continue
         if not found:
             yield "<p>Nothing was missed, false, wrongly matched or measured.</p>"
-        yield from _shown(strips(column.runs, found, moved, tick), column, room)
+        drawn = strips(column.runs, found, moved, tick)
+        for problem in dict.fromkeys(strip.problem for strip in drawn if strip.problem):
+            yield f'<p class="notrun"><b>Pictures not shown:</b> {escape(problem)}</p>'
+        yield '<div class="cases">'
+        yield from _shown(drawn, column, room)
+        yield "</div>"
 
 
 def _shown(found: Sequence[Strip], column: Column, room: int) -> Iterator[str]:
-    problems = dict.fromkeys(strip.problem for strip in found if strip.problem)
-    for problem in problems:
-        yield f'<p class="notrun"><b>Pictures not shown:</b> {escape(problem)}</p>'
     by_folder = {run.folder: run for run in column.runs}
     for strip in found:
         room -= len(strip.jpeg or b"")

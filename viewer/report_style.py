@@ -22,6 +22,9 @@ pre { background: var(--card); padding: .8rem 1rem; overflow-x: auto; border-rad
 @media print { pre { white-space: pre-wrap; overflow-wrap: anywhere; font-size: .7rem; }
   h3, h4, caption { break-after: avoid; } .scroll { break-inside: avoid; }
   details pre { columns: 2; } .case { margin: 1rem 0; } .case figure { margin: .2rem 0; }
-  .case figure img { max-height: 58mm; } #worst { break-before: page; }
+  .cases { display: grid; grid-template-columns: 1fr 1fr; gap: 0 5mm; }
+  .cases > div { min-width: 0; }
+  .case code { font-size: .66rem; overflow-wrap: anywhere; }
+  .case h4 { font-size: .92rem; } #worst { break-before: page; }
   .plots details { display: none; } }
 """
