@@ -9,6 +9,7 @@ import numpy.typing as npt
 from scipy.stats import norm
 
 from processor.score import Interval, wilson95
+from processor.statistics import drawn_again
 
 Floats = npt.NDArray[np.float64]
 Bools = npt.NDArray[np.bool_]
@@ -137,15 +138,7 @@ def resampled95(
     known = known[known.any(axis=1)] if known.size else known
     if len(known) < LEAST_PAIRS:
         return None
-    generator = np.random.default_rng(seed)
-    even = np.full(len(known), 1 / len(known))
-    drawn = np.concatenate(
-        [generator.multinomial(len(known), even, 50) @ known for _ in range(DRAWS // 50)]
-    )
-    with np.errstate(divide="ignore", invalid="ignore"):
-        values = statistic(drawn)
-    low, high = np.nanpercentile(values, [2.5, 97.5])
-    return float(low), float(high)
+    return drawn_again(known, statistic, np.random.default_rng(seed), DRAWS)
 
 
 def f1_of(sums: Floats) -> Floats:

@@ -70,7 +70,7 @@ def score_runs(runs: Sequence[Run], by: str = "") -> dict[str, Score]:
             group_of[row["frame"]] = names
             for name in names:
                 groups.setdefault(name, ([], []))[0].append(_frame_row(row))
-        for row in read_table(run.folder, "truth").to_pylist():
+        for row in read_table(run.folder, "truth").select(_FRUIT).to_pylist():
             for name in group_of[row["frame"]]:
                 groups[name][1].append(_fruit_row(row))
     if by and len(groups) == 1:
@@ -91,6 +91,13 @@ def _counts(row: Row, what: str) -> tuple[int, int | None, int] | None:
     if row[f"{what}_tp"] is None:
         return None
     return row[f"{what}_tp"], row[f"{what}_fp"], row[f"{what}_fn"]
+
+
+# what a fruit's row is made of; the rest of truth.parquet would be a gigabyte of a long session
+_FRUIT: Final = (
+    "frame", "distance_m", "left_visible", "right_visible", "found_left", "found_right", "match",
+    "error_m", "std_m",
+)  # fmt: skip
 
 
 def _fruit_row(row: Row) -> FruitRow:

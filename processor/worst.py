@@ -10,6 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Literal
 
+import numpy as np
+
 from processor.results import read_table
 from recorder.errors import PomologError
 from recorder.records import SIDES
@@ -20,6 +22,8 @@ KINDS: Final[tuple[Kind, ...]] = ("missed", "false", "wrong match", "range")
 WHOLLY_WRONG_M: Final = 0.1  # an arm that is sent further aside than an apple is wide
 SERIOUS: Final = 0.2  # 20 mm: what the paper allows a distance; milder cases come after all others
 SEEN_ENOUGH: Final = 0.5  # of an apple in one view alone, that its circle there is missed
+_FRAMES_AT_ONCE: Final = 500
+_SPARE: Final = 10_000  # cases above those asked for that are held before the mild ones go
 # a fruit in one view alone sends no arm anywhere
 _ONE_VIEW: Final = 0.5
 
@@ -78,19 +82,27 @@ def worst_cases(
         PomologError: a table is missing or damaged, or there is no truth to hold anything against.
     """
     listed = list(folders)
-    cases = [case for folder in listed for case in _cases_of(folder) if case.kind in kinds]
-    if not cases and not any(_has_truth(folder) for folder in listed):
+    kept: dict[Kind, list[WorstCase]] = {kind: [] for kind in kinds}
+    for case in (case for folder in listed for case in _cases_of(folder) if case.kind in kept):
+        cases = kept[case.kind]
+        cases.append(case)
+        if count is not None and len(cases) > count + _SPARE:
+            cases[:] = _worst_first(cases)[:count]
+    if not any(kept.values()) and not any(_has_truth(folder) for folder in listed):
         raise PomologError(
             f"no truth in {', '.join(map(str, listed))}, so nothing says what is worst; "
             "give the session truth first: pomolog label --help"
         )
     ranked: list[tuple[tuple[bool, int, float], WorstCase]] = []
     for kind in kinds:
-        of_kind = sorted((c for c in cases if c.kind == kind), key=lambda c: -c.severity)
-        for turn, case in enumerate(of_kind):
+        for turn, case in enumerate(_worst_first(kept[kind])):
             ranked.append(((case.severity < SERIOUS, turn, -case.severity), case))
     ranked.sort(key=lambda entry: entry[0])
     return tuple(case for _, case in ranked[:count])
+
+
+def _worst_first(cases: Sequence[WorstCase]) -> list[WorstCase]:
+    return sorted(cases, key=lambda case: -case.severity)
 
 
 def _has_truth(folder: Path) -> bool:
@@ -99,22 +111,36 @@ def _has_truth(folder: Path) -> bool:
 
 def _cases_of(folder: Path) -> Iterator[WorstCase]:
     """Every case of one run, in the order of its frames."""
-    apples: dict[int, list[Row]] = {}
-    for row in read_table(folder, "apples").to_pylist():
-        apples.setdefault(row["frame"], []).append(row)
-    truth: dict[int, dict[int, Row]] = {}
-    for row in read_table(folder, "truth").to_pylist():
-        truth.setdefault(row["frame"], {})[row["apple_id"]] = row
-    for frame in sorted(apples.keys() | truth.keys()):
-        located, known = apples.get(frame, []), truth.get(frame, {})
-        for row in located:
-            yield from _false(folder, row)
-            yield from _wrong_match(folder, row, known)
-        place_of = {r["left_truth"]: r for r in located if _is_own(r)}
-        for apple_id, row in known.items():
-            yield from _missed(folder, row)
-            if row["error_m"] is not None:
-                yield _range(folder, row, place_of[apple_id])
+    for apples, truth in _frames_of(folder):
+        yield from _cases_in(folder, apples, {row["apple_id"]: row for row in truth})
+
+
+def _frames_of(folder: Path) -> Iterator[tuple[list[Row], list[Row]]]:
+    """The rows of each frame; a part of the frames at a time, for all would be gigabytes."""
+    tables = [read_table(folder, name) for name in ("apples", "truth")]
+    frames = [np.asarray(table["frame"].to_numpy()) for table in tables]
+    end = max((int(of[-1]) + 1 for of in frames if len(of)), default=0)
+    for start in range(0, end, _FRAMES_AT_ONCE):
+        parts: list[dict[int, list[Row]]] = [{}, {}]
+        for table, of, part in zip(tables, frames, parts, strict=True):
+            first, last = np.searchsorted(of, [start, start + _FRAMES_AT_ONCE]).tolist()
+            for row in table.slice(first, last - first).to_pylist():
+                part.setdefault(row["frame"], []).append(row)
+        apples, truth = parts
+        for frame in sorted(apples.keys() | truth.keys()):
+            yield apples.get(frame, []), truth.get(frame, [])
+
+
+def _cases_in(folder: Path, located: list[Row], known: dict[int, Row]) -> Iterator[WorstCase]:
+    """Every case of one frame."""
+    for row in located:
+        yield from _false(folder, row)
+        yield from _wrong_match(folder, row, known)
+    place_of = {r["left_truth"]: r for r in located if _is_own(r)}
+    for apple_id, row in known.items():
+        yield from _missed(folder, row)
+        if row["error_m"] is not None:
+            yield _range(folder, row, place_of[apple_id])
 
 
 def _is_own(row: Row) -> bool:

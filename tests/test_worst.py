@@ -5,6 +5,7 @@ from typing import Any
 
 import pytest
 
+import processor.worst
 from processor.locate import Locator
 from processor.replay import Replayed, replay
 from processor.results import Rows, write_tables
@@ -138,6 +139,19 @@ def test_kinds_take_turns_and_mild_cases_come_last(tmp_path: Path) -> None:
     assert [c.kind for c in cases] == ["missed", "range", "missed", "missed", "range"]
     assert [c.kind for c in worst_cases([tmp_path], 2)] == ["missed", "range"]
     assert {c.kind for c in worst_cases([tmp_path], kinds=["missed"])} == {"missed"}
+
+
+def test_few_of_very_many_are_the_first_of_all_of_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    errors = [0.001 * (i * 37 % 101) for i in range(101)]
+    rows = [true(i, "right", error_m=error) for i, error in enumerate(errors)]
+    rows += [true(200 + i, "missed", seen=0.5 + i / 100) for i in range(40)]
+    folder = results(tmp_path, [located(i, i) for i in range(101)], rows)
+    everything = worst_cases([folder])
+    monkeypatch.setattr(processor.worst, "_SPARE", 3)
+    for count in (1, 7, 60):
+        assert worst_cases([folder], count) == everything[:count]
 
 
 def test_without_truth_there_is_no_worst(tmp_path: Path) -> None:
