@@ -120,41 +120,67 @@ def count_frame(
     trace: Trace, truth: FrameTruth | None, rectification: Rectification
 ) -> FrameCounts:
     """Count one frame; without truth everything is None or empty."""
-    if truth is None:
-        return FrameCounts()
-    labels = {
-        side: None if picture is None else rectification.view(side).labels(picture)
-        for side, picture in zip(SIDES, (truth.left, truth.right), strict=True)
-    }
-    pixels = _sum(
-        count_pixels(trace.view(s).recognition.mask, picture, partial=truth.partial)
-        for s, picture in labels.items()
-        if picture is not None
-    )
-    cleaned = _sum(
-        count_pixels(trace.view(s).cleaning.mask, picture, partial=truth.partial)
-        for s, picture in labels.items()
-        if picture is not None
-    )
-    discs: dict[Side, Discs] = {}
-    for side in SIDES:
-        seen = true_discs(truth, side, labels[side], rectification)
-        if seen is None:
+    return FrameCounter(truth, rectification)(trace)
+
+
+class FrameCounter:
+    """Counts traces of one frame: what the truth alone says is worked out once.
+
+    Args:
+        truth: of the frame; without any everything is None or empty.
+        rectification: the rig's.
+    """
+
+    def __init__(self, truth: FrameTruth | None, rectification: Rectification) -> None:
+        self._truth = truth
+        self._labels: dict[Side, Labels] = {}
+        self._discs: dict[Side, Discs] = {}
+        self._last: dict[tuple[str, Side], tuple[Mask, Counts]] = {}
+        if truth is None:
+            return
+        for side, picture in zip(SIDES, (truth.left, truth.right), strict=True):
+            if picture is not None:
+                self._labels[side] = rectification.view(side).labels(picture)
+        for side in SIDES:
+            seen = true_discs(truth, side, self._labels.get(side), rectification)
+            if seen is not None:
+                self._discs[side] = seen
+
+    def __call__(self, trace: Trace) -> FrameCounts:
+        """Count one trace."""
+        truth, discs = self._truth, self._discs
+        if truth is None:
+            return FrameCounts()
+        pixels, cleaned = (
+            _sum(self._pixels(what, side, trace) for side in self._labels)
+            for what in ("recognition", "cleaning")
+        )
+        if len(discs) < len(SIDES):
             return FrameCounts(pixels, cleaned)
-        discs[side] = seen
-    found = {side: find(trace.view(side).circles, discs[side]) for side in SIDES}
-    false: dict[Side, tuple[bool, ...] | None] = {
-        s: None if truth.partial else mistakes(trace.view(s).circles.fruit, found[s], labels[s])
-        for s in SIDES
-    }
-    fruit = _sum(count_fruit(found[s], discs[s], false[s]) for s in SIDES)
-    verdicts = _verdicts(trace.apples, truth, discs, found)
-    left, right = (
-        tuple(None if j is None else discs[side].ids[j] for j in found[side]) for side in SIDES
-    )
-    return FrameCounts(
-        pixels, cleaned, fruit, verdicts, left, right, false["left"] or (), false["right"] or ()
-    )
+        circles = {side: trace.view(side).circles for side in SIDES}
+        found = {side: find(circles[side], discs[side]) for side in SIDES}
+        false: dict[Side, tuple[bool, ...] | None] = {
+            s: None if truth.partial else mistakes(circles[s].fruit, found[s], self._labels.get(s))
+            for s in SIDES
+        }
+        fruit = _sum(count_fruit(found[s], discs[s], false[s]) for s in SIDES)
+        verdicts = _verdicts(trace.apples, truth, discs, found)
+        left, right = (
+            tuple(None if j is None else discs[side].ids[j] for j in found[side]) for side in SIDES
+        )
+        return FrameCounts(
+            pixels, cleaned, fruit, verdicts, left, right, false["left"] or (), false["right"] or ()
+        )
+
+    def _pixels(self, what: str, side: Side, trace: Trace) -> Counts:
+        """Count a mask; one that the last trace had too is known."""
+        assert self._truth is not None
+        mask: Mask = getattr(trace.view(side), what).mask
+        last = self._last.get((what, side))
+        if last is None or last[0] is not mask:
+            counts = count_pixels(mask, self._labels[side], partial=self._truth.partial)
+            last = self._last[what, side] = mask, counts
+        return last[1]
 
 
 def count_pixels(mask: Mask, labels: Labels, *, partial: bool = False) -> Counts:

@@ -110,7 +110,15 @@ def locator_from(table: Mapping[str, Any]) -> Locator:
     unknown = set(table) - {"base", "name", *STAGES}
     if unknown:
         raise PomologError(f"no stage [{min(unknown)}]; the stages are {', '.join(STAGES)}")
-    locator = METHODS[base]
+    return changed(METHODS[base], table)
+
+
+def changed(locator: Locator, table: Mapping[str, Any]) -> Locator:
+    """A locator with the stages of a method's table in place of its own.
+
+    Raises:
+        PomologError: an unknown alternative or parameter, or a value of a wrong kind.
+    """
     for stage, alternatives in STAGES.items():
         if stage in table:
             current = getattr(locator, stage)

@@ -95,6 +95,27 @@ CHANGES: Final = pa.schema(
         ("b_error_m", _F64),
     ]
 )
+# A row a setting of a sweep and a frame; the varied parameters are columns of their own.
+SWEEP: Final = pa.schema(
+    [
+        ("setting", pa.int32()),
+        ("session", pa.string()),
+        ("frame", pa.int32()),
+        ("split", pa.string()),
+        ("lighting", pa.string()),
+        ("circles", pa.int32()),  # of both views
+        ("located", pa.int32()),
+        *(
+            (f"{what}_{part}", pa.int64())
+            for what in ("pixels", "fruit")
+            for part in ("tp", "fp", "fn")
+        ),
+        *((verdict, pa.int32()) for verdict in ("right", "wrong", "missed")),
+        ("apples", pa.list_(pa.int64())),  # true ones that were located
+        ("errors_m", pa.list_(_F64)),  # of their distances
+        ("locate_ns", pa.int64()),  # as if the setting had run alone
+    ]
+)
 TABLES: Final[dict[str, pa.Schema]] = {"apples": APPLES, "frames": FRAMES, "truth": TRUTH}
 
 Row = dict[str, Any]
@@ -224,6 +245,14 @@ def write_table(path: Path, rows: Sequence[Row], schema: pa.Schema | None = None
     """Write plain rows as one Parquet file; without a schema, its columns as the rows have them."""
     with replacing(path) as part:
         pq.write_table(pa.Table.from_pylist(list(rows), schema), part)
+
+
+def sweep_schema(varied: Sequence[str]) -> pa.Schema:
+    """The columns of a sweep that varies these parameters; their values are text."""
+    schema = SWEEP
+    for place, name in enumerate(varied, 1):
+        schema = schema.insert(place, pa.field(name, pa.string()))
+    return schema
 
 
 def join_tables(folders: Sequence[Path], out: Path) -> None:

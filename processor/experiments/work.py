@@ -108,11 +108,13 @@ class Bench:
         folder: of the kept rows.
         pool: of processes; None measures here.
         tick: called with the number of pairs that are done.
+        slice_pairs: what one process does at once, and a killed run loses.
     """
 
     folder: Path
     pool: ProcessPoolExecutor | None = None
     tick: Tick = lambda _: None
+    slice_pairs: int = SLICE_PAIRS
 
     def rows(self, measure: Measure, sources: Sequence[Source]) -> list[Row]:
         """The rows of all pairs, in order; what was measured before is read."""
@@ -138,21 +140,23 @@ class Bench:
     def _jobs(self, measure: Measure, sources: Sequence[Source]) -> Iterator[_Job]:
         name = f"{measure.__module__.rpartition('.')[2]}-{measure.__name__}"
         for source in sources:
-            for start in range(0, len(source.pairs), SLICE_PAIRS):
-                places = source.pairs[start : start + SLICE_PAIRS]
+            for start in range(0, len(source.pairs), self.slice_pairs):
+                places = source.pairs[start : start + self.slice_pairs]
                 key = key_of(name, source.fingerprint, source.name, places)
                 yield _Job(measure, source, places, self.folder / f"{name}-{key}.json")
 
 
 @contextmanager
-def open_bench(folder: Path, workers: int, tick: Tick = lambda _: None) -> Iterator[Bench]:
+def open_bench(
+    folder: Path, workers: int, tick: Tick = lambda _: None, slice_pairs: int = SLICE_PAIRS
+) -> Iterator[Bench]:
     """A bench with so many processes; one measures in this process."""
     if workers <= 1:
-        yield Bench(folder, None, tick)
+        yield Bench(folder, None, tick, slice_pairs)
         return
     context = multiprocessing.get_context("spawn")  # a fork would copy threads' locks
     with ProcessPoolExecutor(workers, mp_context=context) as pool:
-        yield Bench(folder, pool, tick)
+        yield Bench(folder, pool, tick, slice_pairs)
 
 
 def _run(job: _Job) -> None:
