@@ -137,6 +137,12 @@ class Bench:
                 raise
         return [row for job in jobs for row in json.loads(job.out.read_text(encoding="utf-8"))]
 
+    def clean(self, measure: Measure, sources: Sequence[Source]) -> None:
+        """Throw away what was kept of other measurements than this one."""
+        kept = {job.out for job in self._jobs(measure, sources)}
+        for file in set(self.folder.glob("*.json")) - kept:
+            file.unlink(missing_ok=True)
+
     def _jobs(self, measure: Measure, sources: Sequence[Source]) -> Iterator[_Job]:
         name = f"{measure.__module__.rpartition('.')[2]}-{measure.__name__}"
         for source in sources:

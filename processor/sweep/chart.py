@@ -3,11 +3,13 @@
 import numpy as np
 
 from processor.experiments.charts import drawing
-from processor.sweep.effects import Found
+from processor.sweep.effects import Found, Level
 from processor.sweep.settings import Setting
 
 MOST_PANELS: int = 8  # parameters with smaller effects are in the table alone
 A_ROW: int = 4
+# split, colour, mark, line
+_SPLITS = (("train", "#0b62a8", "o", "-"), ("test", "#c2571a", "s", "--"))
 
 
 def draw_effects(found: Found, settings: tuple[Setting, ...]) -> bytes:
@@ -29,22 +31,34 @@ def draw_effects(found: Found, settings: tuple[Setting, ...]) -> bytes:
                     np.full(len(mine), place), found.train[mine] * m.scale,
                     ".", color="#b9c2cb", zorder=1, label=label,
                 )  # fmt: skip
-            for split, colour, style in (("train", "#0b62a8", "o-"), ("test", "#c2571a", "s--")):
+            line = _are_numbers(levels)  # between names there is nothing to draw a line along
+            for split, colour, mark, style in _SPLITS:
                 means = [getattr(level, split) for level in levels]
                 values = [np.nan if v is None else v * m.scale for v in means]
-                panel.plot(places, values, style, color=colour, label=f"mean, {split}")
+                panel.plot(
+                    places, values, mark + style * line, color=colour, label=f"mean, {split}"
+                )
             panel.set_xticks(places, [_short(level.value) for level in levels])
-            panel.tick_params(axis="x", labelrotation=30 if _long(levels) else 0)
+            if _long(levels):
+                panel.tick_params(axis="x", labelrotation=25)
+                for label in panel.get_xticklabels():
+                    label.set_horizontalalignment("right")
+            panel.set_xlim(-0.4, len(levels) - 0.6)
             panel.set_xlabel(name)
         for row in panels:
-            row[0].set_ylabel(f"{m.name.removesuffix('_mm')}, {m.unit}")
-        panels.flat[0].legend()
+            row[0].set_ylabel(f"{m.title}, {m.unit}")
+        handles, labels = panels.flat[0].get_legend_handles_labels()
+        sheet.legend(handles, labels, loc="outside upper left", ncols=3)
     return done[0]
+
+
+def _are_numbers(levels: tuple[Level, ...]) -> bool:
+    return all(level.value.replace(".", "").replace("-", "").isdigit() for level in levels)
 
 
 def _short(value: str) -> str:
     return value if len(value) < 18 else f"{value[:16]}…"
 
 
-def _long(levels: tuple[object, ...]) -> bool:
-    return sum(len(_short(getattr(level, "value", ""))) for level in levels) > 22
+def _long(levels: tuple[Level, ...]) -> bool:
+    return sum(len(_short(level.value)) for level in levels) > 22

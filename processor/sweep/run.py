@@ -117,7 +117,9 @@ def run(
     measure = every_setting(settings, seed)
     pairs = max(1, SLICE_SETTINGS // len(settings))
     with open_bench(out / ".slices", workers, tick, pairs) as bench:
-        return bench.rows(measure, sources)
+        rows = bench.rows(measure, sources)
+        bench.clean(measure, sources)
+    return rows
 
 
 def every_setting(settings: Sequence[Setting], seed: int) -> EverySetting:

@@ -92,7 +92,9 @@ def _said(named: int, cut: int, kinds: set[str], *, reused: bool) -> str:
         )
     parts = []
     if named:
-        parts.append(f"{named} session{'s say' if named > 1 else ' says'} its split")
+        parts.append(
+            f"{named} sessions say their split" if named > 1 else "1 session says its split"
+        )
     if cut:
         parts.append(f"{cut} session{'s' if cut > 1 else ''} without one: {RULE}")
     return "; ".join(parts) + "."
