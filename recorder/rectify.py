@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 
 from recorder.errors import PomologError
+from recorder.optics import to_pixels, to_rays
 from recorder.records import UNCOUNTED, Labels, Picture, Side
 from recorder.rig import Camera, Floats, Rig
 
@@ -44,18 +45,14 @@ class View:
         if self.maps is None or len(points_px) == 0:
             return points_px
         rays = cv2.convertPointsToHomogeneous(points_px)[:, 0, :] @ np.linalg.inv(self.matrix).T
-        rays = rays @ self.rotation  # rows: R^T applied to each ray
-        if self.camera.lens == "kannala_brandt":
-            mapped, _ = cv2.fisheye.projectPoints(
-                rays[:, None, :], np.zeros(3), np.zeros(3), self.camera.matrix,
-                self.camera.distortion,
-            )  # fmt: skip
-        else:
-            mapped, _ = cv2.projectPoints(
-                rays[:, None, :], np.zeros(3), np.zeros(3), self.camera.matrix,
-                self.camera.distortion,
-            )  # fmt: skip
-        return cast("Floats", mapped.reshape(-1, 2))
+        return to_pixels(self.camera, rays @ self.rotation)  # rows: R^T applied to each ray
+
+    def to_rectified(self, points_px: Floats) -> Floats:
+        """Map (N, 2) recorded pixels to rectified pixels; nan where the lens shows nothing."""
+        if self.maps is None or len(points_px) == 0:
+            return points_px
+        rays = to_rays(self.camera, points_px) @ self.rotation.T
+        return rays[:, :2] / rays[:, 2:] * self.matrix[[0, 1], [0, 1]] + self.matrix[:2, 2]
 
     def circles_to_recorded(self, circles: CircleArray) -> CircleArray:
         """Map circles: the centre through the lens, the radius by the mean stretch around it."""

@@ -1,0 +1,1 @@
+"""The files that a rig is kept in, a format a module: ours, OpenCV's, ROS', Kalibr's."""

@@ -1,0 +1,114 @@
+"""YAML of others, read without trust and written so that no digit is lost."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import yaml
+
+from recorder.errors import PomologError
+from recorder.rig import Floats, Rangefinder
+
+MAX_BYTES: Final = 1_000_000  # a calibration has a few thousand
+
+
+def read_text(path: Path) -> str:
+    """A calibration's text.
+
+    Raises:
+        PomologError: it cannot be read, or is no text of a calibration's size.
+    """
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise PomologError(f"cannot be read: {error.strerror}") from None
+    if len(data) > MAX_BYTES:
+        raise PomologError(f"{len(data) / 1e6:.0f} MB are no calibration; is it the right file?")
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise PomologError("not a text file; is it the right one?") from None
+
+
+def parse(text: str) -> Mapping[str, Any] | None:
+    """The mapping that a YAML text holds; None where it is no YAML or no mapping.
+
+    OpenCV's YAML is left to OpenCV: its `%YAML:1.0` and its types are no one else's.
+    """
+    if text.lstrip().startswith("%YAML") or "!!opencv-" in text:
+        return None
+    try:
+        found = next(iter(yaml.safe_load_all(text)), None)  # `ros2 topic echo` ends with ---
+    except (yaml.YAMLError, RecursionError, ValueError):
+        return None
+    return found if isinstance(found, dict) else None
+
+
+def dump(content: Mapping[str, Any]) -> str:
+    """YAML text, a matrix row a line; floats with all of their digits."""
+    return yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=10_000)
+
+
+def numbers(
+    table: Mapping[str, Any], keys: Sequence[str], count: int | None = None, *, where: str = ""
+) -> Floats:
+    """The finite numbers under the first of `keys` that is there, as (N,) float64.
+
+    A matrix may be a list, rows of lists, or ROS' `{rows, cols, data}`.
+
+    Raises:
+        PomologError: none of the keys, not numbers, or not `count` of them.
+    """
+    key = next((key for key in keys if key in table), None)
+    if key is None:
+        raise PomologError(f"no {where}{keys[0]}")
+    value = table[key]
+    if isinstance(value, dict):
+        value = value.get("data")
+    try:
+        found = np.asarray(value, float).ravel()
+    except (TypeError, ValueError):
+        raise PomologError(f"{where}{key} is not a list of numbers") from None
+    if count is not None and found.size != count:
+        raise PomologError(f"{where}{key} has {found.size} numbers; it needs {count}")
+    if not np.isfinite(found).all():
+        raise PomologError(f"{where}{key} has a number that is not finite")
+    return found
+
+
+def whole_number(table: Mapping[str, Any], keys: Sequence[str], *, where: str = "") -> int:
+    """The whole number under the first of `keys` that is there.
+
+    Raises:
+        PomologError: none of the keys, or no whole number.
+    """
+    found = float(numbers(table, keys, 1, where=where)[0])
+    if found != int(found):
+        raise PomologError(f"{where}{keys[0]} is {found:g}, no whole number")
+    return int(found)
+
+
+def beam_as_table(beam: Rangefinder) -> dict[str, Any]:
+    """A rangefinder for a key that other programs pass over."""
+    return {
+        "origin_m": beam.origin_m.tolist(),
+        "direction": beam.direction.tolist(),
+        "std_m": float(beam.std_m),
+    }
+
+
+def beam_of_table(table: Mapping[str, Any]) -> Rangefinder | None:
+    """A rangefinder that pomolog wrote beside a calibration, or None."""
+    beam = table.get("rangefinder")
+    if not isinstance(beam, dict):
+        return None
+    direction = numbers(beam, ("direction",), 3, where="rangefinder.")
+    length = float(np.linalg.norm(direction))
+    if not length > 0:
+        raise PomologError("rangefinder.direction must not be zero")
+    return Rangefinder(
+        numbers(beam, ("origin_m",), 3, where="rangefinder."),
+        direction / length,
+        float(numbers(beam, ("std_m",), 1, where="rangefinder.")[0]),
+    )
