@@ -2,7 +2,8 @@
 
 The counting rules, which the score only sums: truth discs are the apples' projected spheres; a
 circle finds an apple where their IoU is at least a half, one to one; apples less than a tenth
-visible and fruit labelled 65535 count neither way.
+visible and fruit labelled 65535 count neither way. Boxes and circles say no pixels, so none are
+counted; labels whose numbers differ between the views say no matches, so none are judged.
 """
 
 import math
@@ -16,8 +17,8 @@ import numpy.typing as npt
 from scipy.optimize import linear_sum_assignment
 
 from processor.trace import Apple, Circles, Fruit, Mask, Trace
-from recorder.records import SIDES, UNCOUNTED, FrameTruth, Labels, Side, TruthPoint
-from recorder.rectify import Rectification
+from recorder.records import SIDES, UNCOUNTED, FrameTruth, Labels, Outline, Side, TruthPoint
+from recorder.rectify import Rectification, View
 
 LEAST_IOU = 0.5
 LEAST_VISIBLE = 0.1  # of an apple that counts as one to be found
@@ -181,6 +182,42 @@ class FrameCounter:
             counts = count_pixels(mask, self._labels[side], partial=self._truth.partial)
             last = self._last[what, side] = mask, counts
         return last[1]
+    if truth is None:
+        return FrameCounts()
+    labels = {
+        side: None if picture is None else rectification.view(side).labels(picture)
+        for side, picture in zip(SIDES, (truth.left, truth.right), strict=True)
+    }
+    pixels = _sum(
+        count_pixels(trace.view(s).recognition.mask, picture, partial=truth.partial)
+        for s, picture in labels.items()
+        if picture is not None
+    )
+    cleaned = _sum(
+        count_pixels(trace.view(s).cleaning.mask, picture, partial=truth.partial)
+        for s, picture in labels.items()
+        if picture is not None
+    )
+    discs: dict[Side, Discs] = {}
+    for side in SIDES:
+        seen = true_discs(truth, side, labels[side], rectification)
+        if seen is not None:
+            discs[side] = seen
+    found = {side: find(trace.view(side).circles, discs[side]) for side in discs}
+    false = {
+        s: None if truth.partial else mistakes(trace.view(s).circles.fruit, found[s], labels[s])
+        for s in discs
+    }
+    fruit = _sum(count_fruit(found[s], discs[s], false[s]) for s in discs)
+    false_left, false_right = (false.get(side) or () for side in SIDES)
+    if not truth.shared:  # nobody said which apples of the two views are the same
+        return FrameCounts(pixels, cleaned, fruit, (), (), (), false_left, false_right)
+    verdicts = _verdicts(trace.apples, truth, discs, found) if len(discs) == len(SIDES) else ()
+    left, right = (
+        tuple(None if j is None else discs[side].ids[j] for j in found.get(side, ()))
+        for side in SIDES
+    )
+    return FrameCounts(pixels, cleaned, fruit, verdicts, left, right, false_left, false_right)
 
 
 def count_pixels(mask: Mask, labels: Labels, *, partial: bool = False) -> Counts:
@@ -196,7 +233,7 @@ def count_pixels(mask: Mask, labels: Labels, *, partial: bool = False) -> Counts
 def true_discs(
     truth: FrameTruth, side: Side, labels: Labels | None, rectification: Rectification
 ) -> Discs | None:
-    """The truth discs of a view, from the apples' spheres, or else from labels that name apples.
+    """The truth discs of a view: of apples' spheres, of outlines, or of labels that name apples.
 
     Returns:
         None where the truth says nothing about single apples.
@@ -218,11 +255,24 @@ def true_discs(
         outside = _outside(circles, rectification.view(side).camera.size_px)
         visible[np.isnan(visible) & outside] = 0.0
         return Discs(tuple(a.id for a in truth.apples), circles, visible)
+    outlines = truth.outlines(side)
+    if outlines is not None:
+        return _outlined(outlines, rectification.view(side))
     if labels is None or not truth.identified:
         return None
     ids = [i for i in np.unique(labels).tolist() if 0 < i < UNCOUNTED]
     circles = np.array([_enclosing(labels == i) for i in ids]).reshape(-1, 3)
     return Discs(tuple(ids), circles, np.full(len(ids), np.nan))
+
+
+def _outlined(outlines: Sequence[Outline], view: View) -> Discs:
+    """The smallest circles around what boxes and circles hold, as labels are enclosed."""
+    sizes = np.array([[o.width_px, o.height_px] for o in outlines], float).reshape(-1, 2)
+    corners = np.array([[o.x_px, o.y_px] for o in outlines], float).reshape(-1, 2)
+    recorded = np.column_stack([corners + sizes / 2, sizes.max(axis=1) / 2])
+    uncounted = np.array([o.id == UNCOUNTED for o in outlines], bool)
+    visible = np.where(uncounted, 0.0, np.nan)  # found or not, it is no mistake
+    return Discs(tuple(o.id for o in outlines), view.circles_from_recorded(recorded), visible)
 
 
 def _seen(visible: Floats, truth: FrameTruth, circles: Floats, labels: Labels) -> Floats:

@@ -50,29 +50,47 @@ def _findings(session: Session, tick: Callable[[], None]) -> list[Finding]:
     findings = [Finding("ok", f"every checksum agrees ({size_mb:.1f} MB)")]
     parallel = rectify(session.rig)
     resampled = "as recorded" if parallel.left.maps is None else "resampled to parallel views"
-    findings.append(
-        Finding("ok", f"a rig of {session.rig.baseline_m * 1000:.1f} mm baseline, {resampled}")
-    )
+    rig = f"a rig of {session.rig.baseline_m * 1000:.1f} mm baseline"
+    if session.one_view:
+        nominal = session.metadata.get("calibration") == "nominal"
+        rig = f"one view, its calibration {'nominal' if nominal else 'known'}"
+    findings.append(Finding("ok", f"{rig}, {resampled}"))
     findings += _timing(session)
-    labelled = readings = 0
+    labelled = readings = depths = 0
     for pair in session.pairs():
-        for frame in (pair.left, pair.right):
+        for frame in (pair.left,) if session.one_view else (pair.left, pair.right):
             if frame.encoding in COMPRESSED:  # OpenCV decodes half a picture and says nothing
                 verify(frame.data, f"the {frame.side} frame at {frame.time_ns} ns")
             decode(frame)
         labelled += pair.truth is not None
         readings += len(pair.readings)
+        depths += pair.depth is not None
         tick()
-    findings.append(Finding("ok", f"{len(session)} pairs decode"))
-    findings.append(Finding("ok", f"truth for {labelled} of {len(session)} pairs"))
+    things = "pictures" if session.one_view else "pairs"
+    findings.append(Finding("ok", f"{len(session)} {things} decode"))
+    findings.append(Finding("ok", f"truth for {labelled} of {len(session)} {things}"))
     total = session.info().topics.get("/rangefinder", 0)
     findings.append(Finding("ok", f"{total} range readings, {readings} of them near a pair"))
+    if session.info().topics.get("/depth"):
+        findings.append(_depth(session, depths))
     return findings
+
+
+def _depth(session: Session, near: int) -> Finding:
+    """How many depth pictures there are, of what sizes, and whether each has a left picture."""
+    wrong = total = 0
+    for depth in session.depths():
+        total += 1
+        wrong += depth.size_px != session.rig.left.size_px
+    if wrong:
+        return Finding("failure", f"{wrong} of {total} depth pictures are not of the left's size")
+    text = f"{total} depth pictures, {near} of them at a left picture's moment"
+    return Finding("ok" if near == total else "warning", text)
 
 
 def _timing(session: Session) -> list[Finding]:
     findings = []
-    for side in SIDES:
+    for side in SIDES[:1] if session.one_view else SIDES:
         times = session.times_ns(side)
         unpaired = len(times) - len(session)
         if unpaired:
@@ -91,7 +109,7 @@ def _timing(session: Session) -> list[Finding]:
         else:
             findings.append(Finding("ok", f"{rate}, no gap"))
     skew_ms = np.abs(np.diff(session.pair_times_ns(), axis=1)) / 1e6
-    if len(skew_ms):
+    if len(skew_ms) and not session.one_view:
         text = (
             f"left to right skew: median {np.median(skew_ms):.2f} ms, at most {skew_ms.max():.2f}"
         )

@@ -68,7 +68,9 @@ def info(session: SessionArgument, as_json: AsJson = False) -> None:
         return
     seconds = ((found.end_ns or 0) - (found.start_ns or 0)) / 1e9
     print(f"{session}: {found.profile}, {'whole' if found.whole else 'TORN'}")
-    print(f"  {found.pairs} stereo pairs, {found.frames} frames, {seconds:.1f} s")
+    one_view = found.metadata.get("views") == "left"
+    views = "one view" if one_view else f"{found.pairs} stereo pairs"
+    print(f"  {views}, {found.frames} frames, {seconds:.1f} s")
     for topic, count in sorted(found.topics.items()):
         print(f"  {topic:20} {count:7}")
     for title, entries in (("about", found.metadata), ("ledger", found.ledger)):
@@ -123,9 +125,14 @@ def _imports() -> None:
 )
 def frames(
     left: Annotated[Path, typer.Argument(metavar="LEFT", help="A picture, or a folder of them.")],
-    right: Annotated[Path, typer.Argument(metavar="RIGHT", help="The same of the right view.")],
-    rig: Annotated[Path, typer.Option(help="rig.toml, or an OpenCV stereo YAML.")],
     out: Output,
+    right: Annotated[
+        Path | None,
+        typer.Argument(metavar="[RIGHT]", help="The same of the right view; or one view alone."),
+    ] = None,
+    rig: Annotated[
+        Path | None, typer.Option(help="rig.toml, or an OpenCV stereo YAML; two views need it.")
+    ] = None,
     rate: Annotated[float, typer.Option(min=1e-3, max=1e4, help="Pairs a second.")] = 1.0,
     lighting: Annotated[
         str, typer.Option(help="front, back, cloudy, indoor, ...; or one a pair: front,back,...")
@@ -134,24 +141,26 @@ def frames(
     site: Annotated[str, typer.Option(help="Where it was recorded.")] = "",
 ) -> None:
     """Import PNG, JPEG or WebP pictures, byte for byte; folders are paired in name order."""
-    from recorder.imports.frames import import_frames, picture_pairs
+    from recorder.imports.frames import import_frames, picture_pairs, single_pictures
     from recorder.progress import progress
     from recorder.rig import load_rig
 
-    pairs = picture_pairs(left, right)
+    if right is not None and rig is None:
+        raise typer.BadParameter("two views need their calibration", param_hint="--rig")
+    pairs = single_pictures(left) if right is None else picture_pairs(left, right)
     about = {"cultivar": cultivar, "site": site}
     metadata = {key: value for key, value in about.items() if value}
     with progress("importing", len(pairs)) as tick:
         import_frames(
             pairs,
-            load_rig(rig),
+            load_rig(rig) if rig else None,
             out,
             rate_hz=rate,
             metadata={**metadata, "made_by": "import frames"},
             lighting=lighting.split(",") if lighting else (),
             tick=tick,
         )
-    print(f"{out}: {len(pairs)} stereo pairs")
+    print(f"{out}: {len(pairs)} {'stereo pairs' if right else 'pictures of one view'}")
 
 
 @imports.command(epilog="Example: pomolog import bag row7/ --tolerance 10ms -o row7.mcap")
@@ -225,25 +234,75 @@ def bag(
     print(f"{out}: {done.summary()}")
 
 
-@app.command(epilog="Example: pomolog label S.mcap --masks masks/ --apples apples.json -o T.mcap")
+@app.command(epilog="Example: pomolog label S.mcap --coco labels.json --partial -o T.mcap")
 def label(
     session: SessionArgument,
-    masks: Annotated[Path, typer.Option(help="A folder with left/*.png and right/*.png.")],
     out: Output,
+    masks: Annotated[
+        Path | None, typer.Option(help="A folder with left/*.png and right/*.png, in order.")
+    ] = None,
     apples: Annotated[Path | None, typer.Option(help="Centres and radii (JSON).")] = None,
+    instances: Annotated[
+        bool, typer.Option("--instances", help="8-bit masks hold a number an apple.")
+    ] = False,
+    coco: Annotated[Path | None, typer.Option(help="COCO's JSON: polygons, RLE, boxes.")] = None,
+    labelme: Annotated[Path | None, typer.Option(help="A folder of labelme's JSON.")] = None,
+    cvat: Annotated[Path | None, typer.Option(help="CVAT's XML 1.1, images or video.")] = None,
+    supervisely: Annotated[
+        Path | None, typer.Option(help="A folder of Supervisely's JSON.")
+    ] = None,
+    yolo: Annotated[Path | None, typer.Option(help="A folder of YOLO's text files.")] = None,
+    circles: Annotated[
+        Path | None, typer.Option(help="CSV of circles or boxes; or a folder of them (ACFR).")
+    ] = None,
+    view: Annotated[str, typer.Option(help="left or right, where names do not say it.")] = "",
+    category: Annotated[str, typer.Option(help="The apples' class, where there are more.")] = "",
     partial: Annotated[
         bool, typer.Option("--partial", help="Unlabelled fruit exist: score no false positives.")
     ] = False,
+    as_json: AsJson = False,
 ) -> None:
-    """Give a session truth: label pictures and apples, in the order of its frames."""
-    from recorder.imports.masks import MaskTruth, label_session
+    """Give a session truth: masks and apples in the order of its frames, or labels by name.
+
+    Labels find their pictures by the names that these had when imported, or that `pomolog export
+    frames` gave them. Boxes and circles say no pixels, so none are scored; an apple has the same
+    number in both views, or matches are not scored. See docs/interchange.md.
+    """
+    from recorder.imports.labels import READERS, LabelTruth
+    from recorder.imports.masks import MaskTruth, Truth, label_session
     from recorder.progress import progress
     from recorder.session import Session
 
-    truth = MaskTruth(masks, apples, partial=partial)
+    given = {
+        "masks": masks, "coco": coco, "labelme": labelme, "cvat": cvat,
+        "supervisely": supervisely, "yolo": yolo, "circles": circles,
+    }  # fmt: skip
+    sources = {tool: path for tool, path in given.items() if path is not None}
+    if len(sources) != 1:
+        raise typer.BadParameter(f"give one of --{', --'.join(given)}", param_hint="labels")
+    if view not in ("", "left", "right"):
+        raise typer.BadParameter("left or right", param_hint="--view")
+    if masks is None and (apples is not None or instances):
+        raise typer.BadParameter("only with --masks", param_hint="--apples, --instances")
+    ((tool, path),) = sources.items()
     with Session(session) as opened, progress("labelling", len(opened)) as tick:
-        label_session(opened, truth, out, tick)
-        print(f"{out}: truth for {len(opened)} stereo pairs")
+        labels: Truth
+        if tool == "masks":
+            labels = MaskTruth(path, apples, partial=partial, instances=instances)
+            told = {"pictures": len(opened)}
+            line = f"truth for {len(opened)} stereo pairs"
+        else:
+            labels = LabelTruth(
+                opened,
+                READERS[tool](path),
+                view="left" if view == "left" else "right" if view else None,
+                category=category or None,
+                partial=partial,
+            )
+            told = asdict(labels.summary)
+            line = str(labels.summary)
+        label_session(opened, labels, out, tick)
+    print(json.dumps({"out": str(out), **told}) if as_json else f"{out}: {line}")
 
 
 @app.command(epilog="Example: pomolog simulate segmentation-front --fraction 0.1 -o S.mcap")

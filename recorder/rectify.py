@@ -4,6 +4,7 @@ A real rig is never parallel, and the paper's matching (Sec. 2.5) needs rows tha
 ideal rig costs nothing here: its pictures pass through untouched.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, cast
@@ -54,15 +55,37 @@ class View:
         rays = to_rays(self.camera, points_px) @ self.rotation.T
         return rays[:, :2] / rays[:, 2:] * self.matrix[[0, 1], [0, 1]] + self.matrix[:2, 2]
 
+    def from_recorded(self, points_px: Floats) -> Floats:
+        """Map (N, 2) recorded pixels to rectified pixels: the way back of `to_recorded`."""
+        if self.maps is None or len(points_px) == 0:
+            return points_px
+        undistort = (
+            cv2.fisheye.undistortPoints
+            if self.camera.lens == "kannala_brandt"
+            else cv2.undistortPoints
+        )
+        mapped = undistort(
+            points_px[:, None, :], self.camera.matrix, self.camera.distortion, R=self.rotation,
+            P=self.matrix,
+        )  # fmt: skip
+        return cast("Floats", mapped.reshape(-1, 2))
+
+    def circles_from_recorded(self, circles: CircleArray) -> CircleArray:
+        """Map recorded circles to rectified ones, as `circles_to_recorded` does the other way."""
+        return self._mapped(circles, self.from_recorded)
+
     def circles_to_recorded(self, circles: CircleArray) -> CircleArray:
         """Map circles: the centre through the lens, the radius by the mean stretch around it."""
+        return self._mapped(circles, self.to_recorded)
+
+    def _mapped(self, circles: CircleArray, through: Callable[[Floats], Floats]) -> CircleArray:
         if self.maps is None or len(circles) == 0:
             return circles
         angles = np.arange(8) * np.pi / 4
         spokes = np.stack([np.cos(angles), np.sin(angles)], axis=1)
         rims = circles[:, None, :2] + circles[:, None, 2:] * spokes
-        centres = self.to_recorded(circles[:, :2])
-        mapped = self.to_recorded(rims.reshape(-1, 2)).reshape(len(circles), -1, 2)
+        centres = through(circles[:, :2])
+        mapped = through(rims.reshape(-1, 2)).reshape(len(circles), -1, 2)
         radii = np.linalg.norm(mapped - centres[:, None, :], axis=2).mean(axis=1)
         return np.column_stack([centres, radii])
 

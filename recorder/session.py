@@ -5,7 +5,7 @@
 
 from bisect import bisect_left
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final, Self
 
@@ -336,7 +336,11 @@ class Session:
         )
         if "/truth/apples" not in found:
             return FrameTruth(left, right)
-        return decode_truth(found["/truth/apples"], left, right)
+        truth = decode_truth(found["/truth/apples"], left, right)
+        if self.one_view and truth.apples:  # there is no right view in which they could be seen
+            unseen = tuple(replace(apple, right_visible=0.0) for apple in truth.apples)
+            return replace(truth, apples=unseen)
+        return truth
 
     def readings(self) -> Iterator[RangeReading]:
         """Every answer of the rangefinder, near a pair or not."""

@@ -15,7 +15,7 @@ from processor.count import (
     disc_iou,
 )
 from processor.trace import Apple, Fruit, Mask, Trace
-from recorder.records import UNCOUNTED, AppleTruth, FrameTruth, Labels, TruthPoint
+from recorder.records import UNCOUNTED, AppleTruth, FrameTruth, Labels, Outline, TruthPoint
 from recorder.rectify import rectify
 from tests.scenes import apple, disc_mask, draw, fruit, matching, small_rig, view
 
@@ -109,11 +109,12 @@ def test_both_views_pixels_are_summed_recognised_and_cleaned_apart() -> None:
     assert found.pixels_cleaned == Counts(area, 0, area)
 
 
-def test_one_labelled_view_is_counted_alone_and_names_no_apples() -> None:
+def test_one_labelled_view_is_counted_alone_and_judges_no_matches() -> None:
     labels = labels_of((1, 100, 100, 10))
     found = counted(trace_of([fruit(100, 100)], []), FrameTruth(left=labels))
     assert found.pixels == Counts(0, 0, int((labels > 0).sum()))
-    assert found.fruit is None
+    assert found.fruit == Counts(1, 0, 0)
+    assert found.apples == ()
     assert found.apples == ()
 
 
@@ -348,3 +349,29 @@ def test_an_estimated_radius_that_is_wrong_shows_at_the_surface_only(
     trace = trace_of([circle_on(true, "left")], [circle_on(true, "right")], [big])
     (verdict,) = counted(trace, FrameTruth(apples=(true,))).apples
     assert verdict.error_m == pytest.approx(error_m, abs=1e-12)
+
+
+def test_boxes_and_circles_count_fruit_but_no_pixels() -> None:
+    outlines = (
+        Outline("left", 1, "box", 90, 92, 20, 16),  # an apple half behind a leaf
+        Outline("left", 2, "circle", 150, 90, 20, 20),
+        Outline("left", UNCOUNTED, "box", 20, 20, 20, 20),
+    )
+    truth = FrameTruth(left_outlines=outlines, right_outlines=(), shared=False)
+    circles = [fruit(100, 100), fruit(30, 30), fruit(60, 200)]
+    found = counted(trace_of(circles, []), truth)
+    assert found.pixels is None
+    assert found.fruit == Counts(tp=1, fp=1, fn=1)
+    assert found.apples == ()
+    partial = counted(trace_of(circles, []), replace(truth, partial=True))
+    assert partial.fruit == Counts(tp=1, fp=None, fn=1)
+
+
+def test_numbers_of_one_view_only_judge_no_matches() -> None:
+    labels = labels_of((1, 100, 100, 10))
+    trace = trace_of([fruit(100, 100)], [fruit(100, 100)])
+    shared = counted(trace, FrameTruth(labels, labels))
+    alone = counted(trace, FrameTruth(labels, labels, shared=False))
+    assert len(shared.apples) == 1
+    assert alone.apples == ()
+    assert alone.fruit == shared.fruit == Counts(2, 0, 0)

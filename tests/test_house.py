@@ -48,6 +48,7 @@ KEEPERS = {
     "pydantic": {
         "recorder.rig_formats.ours",
         "recorder.equipment",
+        "recorder.imports.coco",
         "recorder.imports.masks",
         "recorder.orchard.scene",
         "processor.methods",

@@ -1,4 +1,4 @@
-"""Pictures from two files or two folders -> a session; their bytes stay as they are."""
+"""Pictures from files or folders, of two views or one -> a session; their bytes stay."""
 
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -6,15 +6,27 @@ from pathlib import Path
 from typing import Final
 
 from recorder.errors import PomologError
+from recorder.one_view import NOMINAL, ONE_VIEW, nominal_camera, one_view_rig
 from recorder.pictures import identify, verify
-from recorder.records import Frame, Note, Side
+from recorder.records import SIDES, Frame, Note, Side
 from recorder.rig import Rig
 from recorder.session_writer import SessionWriter
 
 PICTURE_SUFFIXES: Final = frozenset((".png", ".jpg", ".jpeg", ".webp"))
 
 
-def picture_pairs(left: Path, right: Path) -> tuple[tuple[Path, Path], ...]:
+def single_pictures(left: Path) -> tuple[tuple[Path, ...], ...]:
+    """A file, or a folder's pictures, of one view.
+
+    Raises:
+        PomologError: nothing there.
+    """
+    if not left.exists():
+        raise PomologError(f"no pictures at {left}; give a picture or a folder of them")
+    return tuple((path,) for path in ((left,) if left.is_file() else pictures_in(left)))
+
+
+def picture_pairs(left: Path, right: Path) -> tuple[tuple[Path, ...], ...]:
     """Two files, or two folders' pictures paired in name order.
 
     Raises:
@@ -51,8 +63,8 @@ def pictures_in(folder: Path) -> tuple[Path, ...]:
 
 
 def import_frames(
-    pairs: tuple[tuple[Path, Path], ...],
-    rig: Rig,
+    pairs: tuple[tuple[Path, ...], ...],
+    rig: Rig | None,
     out: Path,
     *,
     rate_hz: float = 1.0,
@@ -63,8 +75,8 @@ def import_frames(
     """Write a session of the given picture pairs, `1 / rate_hz` seconds apart from time 0 on.
 
     Args:
-        pairs: left and right files.
-        rig: its calibration.
+        pairs: left and right files; of one view, left files alone.
+        rig: its calibration; None: of one view, a nominal one of the first picture's size.
         out: the session to write.
         rate_hz: pairs a second.
         metadata: cultivar, site, ...
@@ -83,20 +95,25 @@ def import_frames(
     if len(set(lighting)) == 1:
         metadata["lighting"] = lighting[0]
     step_ns = round(1e9 / rate_hz)
+    if len(pairs[0]) == 1:
+        metadata |= ONE_VIEW
+    if rig is None:
+        metadata |= NOMINAL
+        rig = one_view_rig(nominal_camera(_read("left", pairs[0][0], 0, 0).size_px))
     with SessionWriter.create(out, rig, metadata) as session:
-        for index, (left, right) in enumerate(pairs):
+        for index, paths in enumerate(pairs):
             if len(set(lighting)) > 1 and (index == 0 or lighting[index] != lighting[index - 1]):
                 session.write_note(Note(index * step_ns, f"lighting={lighting[index]}"))
             frames = [
-                _read("left", left, index * step_ns, index),
-                _read("right", right, index * step_ns, index),
+                _read(side, path, index * step_ns, index)
+                for side, path in zip(SIDES, paths, strict=False)
             ]
-            if frames[0].size_px != frames[1].size_px:
+            if frames[0].size_px != frames[-1].size_px:
                 raise PomologError(
-                    f"{left} is {_size(frames[0])} px and {right} {_size(frames[1])}; "
+                    f"{paths[0]} is {_size(frames[0])} px and {paths[-1]} {_size(frames[-1])}; "
                     "left and right must be of one size"
                 )
-            for frame, path in zip(frames, (left, right), strict=True):
+            for frame, path in zip(frames, paths, strict=True):
                 camera_px = rig.camera(frame.side).size_px
                 if frame.size_px != camera_px:
                     raise PomologError(
@@ -105,6 +122,9 @@ def import_frames(
                     )
                 session.write_frame(frame)
             tick()
+        columns = zip(SIDES, zip(*pairs, strict=True), strict=False)
+        names: dict[str, str] = {s: "\n".join(p.name for p in column) for s, column in columns}
+        session.add_metadata("pictures", names)
 
 
 def _read(side: Side, path: Path, time_ns: int, sequence: int) -> Frame:

@@ -3,7 +3,7 @@
 import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, cast
+from typing import Annotated, Protocol, cast
 
 import cv2
 import numpy as np
@@ -60,20 +60,32 @@ class MaskTruth:
     """A folder's masks, frame by frame: DIR/left/*.png, DIR/right/*.png, and perhaps the apples.
 
     Args:
-        folder: holds `left` or `right` or both; 16-bit labels, or 8-bit masks of 0 and 255.
+        folder: holds `left` or `right` or both, or the masks themselves (of the left view);
+            16-bit labels, or 8-bit masks of 0 and 255.
         apples: JSON, a list with one entry a frame, each a list of apples.
         partial: unlabelled fruit exist, so fruit found elsewhere are no mistakes.
+        instances: 8-bit masks hold a number an apple, of one view only (MinneApple).
 
     Raises:
         PomologError: no masks there, or the JSON is not of that form.
     """
 
-    def __init__(self, folder: Path, apples: Path | None = None, *, partial: bool = False) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        apples: Path | None = None,
+        *,
+        partial: bool = False,
+        instances: bool = False,
+    ) -> None:
         self._masks = {
             side: pictures_in(folder / side) for side in SIDES if (folder / side).is_dir()
         }
+        if not self._masks and any(folder.glob("*.png")):
+            self._masks = {SIDES[0]: pictures_in(folder)}
         if not self._masks:
             raise PomologError(f"no left or right folder of masks in {folder}")
+        self._instances = instances
         self._apples = None if apples is None else _read_apples(apples)
         self._partial = partial
         self._folder = folder
@@ -104,23 +116,35 @@ class MaskTruth:
         identified = True
         for side, files in self._masks.items():
             size_px = pair.left.size_px if side == "left" else pair.right.size_px
-            labels[side], known = _read_mask(files[pair.index], size_px)
+            path = files[pair.index]
+            labels[side], known = _read_mask(path, size_px, instances=self._instances)
             identified = identified and known
         apples = None if self._apples is None else self._apples[pair.index]
         return FrameTruth(
-            labels.get("left"), labels.get("right"), apples, self._partial, identified
-        )
+            labels.get("left"), labels.get("right"), apples, self._partial, identified,
+            shared=not self._instances,
+        )  # fmt: skip
+
+
+class Truth(Protocol):
+    """Where the truth of a session's pairs comes from: masks, or labels of others."""
+
+    def require(self, pairs: int, session: Path) -> None:
+        """Make sure that it fits the session."""
+
+    def truth(self, pair: StereoPair) -> FrameTruth | None:
+        """The truth of one pair; None where nobody said anything."""
 
 
 def label_session(
-    session: Session, masks: MaskTruth, out: Path, tick: Callable[[], None] = lambda: None
+    session: Session, labels: Truth, out: Path, tick: Callable[[], None] = lambda: None
 ) -> None:
-    """Copy a session message by message and give every pair its truth; older truth is replaced.
+    """Copy a session message by message and give its pairs their truth; older truth is replaced.
 
     Raises:
-        PomologError: the masks do not fit the session, or `out` cannot be written.
+        PomologError: the labels do not fit the session, or `out` cannot be written.
     """
-    masks.require(len(session), session.path)
+    labels.require(len(session), session.path)
     lefts = {int(left) for left, _ in session.pair_times_ns()}
     pairs = session.pairs()
     with replacing(out) as part, part.open("wb") as stream:
@@ -132,7 +156,8 @@ def label_session(
             if message.topic == "/left/image" and message.log_ns in lefts:
                 lefts.remove(message.log_ns)
                 pair = next(pairs)
-                for topic, encoded in encode_truth(pair.time_ns, masks.truth(pair)):
+                truth = labels.truth(pair)
+                for topic, encoded in encode_truth(pair.time_ns, truth) if truth else ():
                     writer.write(topic, pair.time_ns, encoded.SerializeToString())
                 tick()
         if session.picture_names:
@@ -163,7 +188,7 @@ def _read_apples(path: Path) -> tuple[tuple[AppleTruth, ...], ...]:
     return frames
 
 
-def _read_mask(path: Path, size_px: tuple[int, int]) -> tuple[Labels, bool]:
+def _read_mask(path: Path, size_px: tuple[int, int], *, instances: bool) -> tuple[Labels, bool]:
     """Labels, and whether they tell one apple from another (16 bits) or not (0 and 255)."""
     try:
         data = path.read_bytes()
@@ -181,6 +206,10 @@ def _read_mask(path: Path, size_px: tuple[int, int]) -> tuple[Labels, bool]:
         )
     if mask.dtype == np.uint16:
         return cast("Labels", mask), True
+    if instances:
+        return mask.astype(np.uint16), True
     if set(np.unique(mask).tolist()) <= {0, 255}:
         return (mask // 255).astype(np.uint16), False
-    raise PomologError(f"{path} has 8 bits and other values than 0 and 255; labels need 16 bits")
+    raise PomologError(
+        f"{path} has 8 bits and other values than 0 and 255; labels need 16 bits, or --instances"
+    )
