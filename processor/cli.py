@@ -212,3 +212,45 @@ def export_bag(
         print(json.dumps({"out": str(out), "messages": count}))
     else:
         print(f"{out}: {count} messages")
+
+
+@exports.command("frames", epilog="Example: pomolog export frames S.mcap -o pictures/")
+def export_frames(
+    session: Annotated[Path, typer.Argument(metavar="S", help="A session (.mcap).")],
+    out: Annotated[Path, typer.Option("--out", "-o", help="The folder to make.")],
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+) -> None:
+    """Write a session's pictures (and depth) with its truth as COCO, for labelling tools.
+
+    Label them there, export COCO (or labelme, CVAT, YOLO) and bring the labels back with
+    `pomolog label S --coco FILE`: pictures find their frames by name.
+    """
+    from recorder.exports.frames import export_frames as export
+    from recorder.progress import progress
+    from recorder.session import Session
+
+    with Session(session) as opened, progress("exporting", len(opened)) as tick:
+        done = export(opened, out, tick)
+    if as_json:
+        print(json.dumps({"out": str(out), **asdict(done)}))
+    else:
+        depth = f", {done.depths} depth pictures" if done.depths else ""
+        print(f"{out}: {done.pictures} pictures, {done.labels} labels{depth}")
+
+
+@exports.command("results", epilog="Example: pomolog export results results/demo -o apples.csv")
+def export_results(
+    results: Annotated[list[Path], typer.Argument(metavar="OUT...", help="Folders of results.")],
+    out: Annotated[Path, typer.Option("--out", "-o", help="X.csv, X.jsonl or X.coco.json.")],
+    table: Annotated[str, typer.Option(help="apples, frames or truth.")] = "apples",
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+) -> None:
+    """Write results as CSV, JSON lines, or COCO detections."""
+    from processor.export import export_results as export
+    from processor.results import TABLES
+    from processor.runs import find_runs
+
+    if table not in TABLES:
+        raise typer.BadParameter(", ".join(TABLES), param_hint="--table")
+    count = export(find_runs(results), out, table)
+    print(json.dumps({"out": str(out), "rows": count}) if as_json else f"{out}: {count} rows")

@@ -10,6 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from recorder.errors import PomologError
 from recorder.imports.shapes import PictureLabels, Shape, mask_of_runs, unpack_runs
 from recorder.pictures import MAX_SIDE_PX
+from recorder.records import OutlineKind
 
 _Length = Annotated[int, Field(gt=0, le=MAX_SIDE_PX)]
 IDENTITIES = ("apple_id", "track_id", "instance_id", "object_id")  # where tools keep them
@@ -29,6 +30,9 @@ class _Picture(_Part):
     file_name: str
     width: _Length | None = None
     height: _Length | None = None
+    labelled: bool = True  # this and the next two are our own, see recorder/exports/coco.py
+    partial: bool = False
+    identified: bool = True
 
 
 class _Category(_Part):
@@ -43,6 +47,8 @@ class _Annotation(_Part):
     bbox: tuple[float, float, float, float] | None = None
     iscrowd: int = 0
     attributes: dict[str, Any] = {}
+    outline: OutlineKind = "box"  # our own: the box is around a circle
+    label: int | None = None  # our own: its number in this picture
 
 
 class _File(_Part):
@@ -74,8 +80,11 @@ def read_coco(path: Path) -> tuple[PictureLabels, ...]:
             picture.file_name.replace("\\", "/"),
             tuple(shapes[key]),
             (picture.width, picture.height) if picture.width and picture.height else None,
+            partial=picture.partial,
+            identified=picture.identified,
         )
         for key, picture in pictures.items()
+        if picture.labelled or shapes[key]
     )
 
 
@@ -97,6 +106,7 @@ def _parse(path: Path) -> _File:
 def _shape(annotation: _Annotation, category: str, where: str) -> Shape:
     common: dict[str, Any] = {
         "id": _identity(annotation, where),
+        "number": None if annotation.iscrowd else annotation.label,
         "category": category,
         "uncounted": bool(annotation.iscrowd),
         "where": where,
@@ -113,7 +123,7 @@ def _shape(annotation: _Annotation, category: str, where: str) -> Shape:
         return Shape(polygons=parts, **common)
     if annotation.bbox is None:
         raise PomologError(f"{where} has neither a segmentation nor a bbox")
-    return Shape(box=annotation.bbox, **common)
+    return Shape(box=annotation.bbox, kind=annotation.outline, **common)
 
 
 def _identity(annotation: _Annotation, where: str) -> int | None:

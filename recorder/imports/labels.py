@@ -121,6 +121,11 @@ class LabelTruth:
             if picture is None:
                 continue
             known = True
+            truth = replace(
+                truth,
+                partial=truth.partial or picture.partial,
+                identified=truth.identified and picture.identified,
+            )
             frame = pair.left if side == "left" else pair.right
             whole = _of_size(picture, frame.size_px)
             numbered = _numbered(whole.shapes)
@@ -188,10 +193,9 @@ def _of_size(picture: PictureLabels, size_px: tuple[int, int]) -> PictureLabels:
 
 def _numbered(shapes: Sequence[Shape]) -> list[tuple[int, Shape]]:
     """Shapes with the numbers of their apples, given or in order; a number may have several."""
-    fresh = iter(range(1, UNCOUNTED))
-    return [
-        (UNCOUNTED if s.uncounted else s.id if s.id is not None else next(fresh), s) for s in shapes
-    ]
+    taken = {shape.number for shape in shapes}
+    fresh = (number for number in range(1, UNCOUNTED) if number not in taken)
+    return [(UNCOUNTED if s.uncounted else s.id or s.number or next(fresh), s) for s in shapes]
 
 
 class _Places:

@@ -33,6 +33,7 @@ class Shape:
         box: x, y, width, height.
         kind: of the box: itself, or the square around a circle.
         id: the apple's number, the same in all pictures; None where nobody said.
+        number: its number in this picture alone; None where nobody said.
         category: its class.
         uncounted: a crowd, or fruit to be ignored: it counts neither way.
         where: the file and place of the label, for messages.
@@ -43,6 +44,7 @@ class Shape:
     box: tuple[float, float, float, float] | None = None
     kind: OutlineKind = "box"
     id: int | None = None
+    number: int | None = None
     category: str = ""
     uncounted: bool = False
     where: str = ""
@@ -55,8 +57,9 @@ class Shape:
             raise PomologError(f"{self.where}: a box of negative width or height")
         if any(part.ndim != 2 or part.shape[1] != 2 or len(part) < 3 for part in self.polygons):
             raise PomologError(f"{self.where}: a polygon needs three points or more")
-        if self.id is not None and not 0 < self.id < UNCOUNTED:
-            raise PomologError(f"{self.where}: id {self.id}; ids go from 1 to {UNCOUNTED - 1}")
+        for known in (self.id, self.number):
+            if known is not None and not 0 < known < UNCOUNTED:
+                raise PomologError(f"{self.where}: id {known}; ids go from 1 to {UNCOUNTED - 1}")
 
     @property
     def has_pixels(self) -> bool:
@@ -93,6 +96,8 @@ class PictureLabels:
     size_px: tuple[int, int] | None = None  # None: the file does not say
     frame: int | None = None  # its number in a video, where that is all that is known
     fractions: bool = False  # coordinates are fractions of the picture's width and height
+    partial: bool = False  # unlabelled fruit exist
+    identified: bool = True  # False: the pixels are of apples, but nobody said which are one
 
 
 def circle(x: float, y: float, radius: float) -> tuple[float, float, float, float]:
