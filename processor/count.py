@@ -156,22 +156,22 @@ class FrameCounter:
             _sum(self._pixels(what, side, trace) for side in self._labels)
             for what in ("recognition", "cleaning")
         )
-        if len(discs) < len(SIDES):
-            return FrameCounts(pixels, cleaned)
-        circles = {side: trace.view(side).circles for side in SIDES}
-        found = {side: find(circles[side], discs[side]) for side in SIDES}
+        circles = {side: trace.view(side).circles for side in discs}
+        found = {side: find(circles[side], discs[side]) for side in discs}
         false: dict[Side, tuple[bool, ...] | None] = {
             s: None if truth.partial else mistakes(circles[s].fruit, found[s], self._labels.get(s))
-            for s in SIDES
+            for s in discs
         }
-        fruit = _sum(count_fruit(found[s], discs[s], false[s]) for s in SIDES)
-        verdicts = _verdicts(trace.apples, truth, discs, found)
+        fruit = _sum(count_fruit(found[s], discs[s], false[s]) for s in discs)
+        false_left, false_right = (false.get(side) or () for side in SIDES)
+        if not truth.shared:  # nobody said which apples of the two views are the same
+            return FrameCounts(pixels, cleaned, fruit, (), (), (), false_left, false_right)
+        verdicts = _verdicts(trace.apples, truth, discs, found) if len(discs) == len(SIDES) else ()
         left, right = (
-            tuple(None if j is None else discs[side].ids[j] for j in found[side]) for side in SIDES
+            tuple(None if j is None else discs[side].ids[j] for j in found.get(side, ()))
+            for side in SIDES
         )
-        return FrameCounts(
-            pixels, cleaned, fruit, verdicts, left, right, false["left"] or (), false["right"] or ()
-        )
+        return FrameCounts(pixels, cleaned, fruit, verdicts, left, right, false_left, false_right)
 
     def _pixels(self, what: str, side: Side, trace: Trace) -> Counts:
         """Count a mask; one that the last trace had too is known."""
@@ -182,42 +182,6 @@ class FrameCounter:
             counts = count_pixels(mask, self._labels[side], partial=self._truth.partial)
             last = self._last[what, side] = mask, counts
         return last[1]
-    if truth is None:
-        return FrameCounts()
-    labels = {
-        side: None if picture is None else rectification.view(side).labels(picture)
-        for side, picture in zip(SIDES, (truth.left, truth.right), strict=True)
-    }
-    pixels = _sum(
-        count_pixels(trace.view(s).recognition.mask, picture, partial=truth.partial)
-        for s, picture in labels.items()
-        if picture is not None
-    )
-    cleaned = _sum(
-        count_pixels(trace.view(s).cleaning.mask, picture, partial=truth.partial)
-        for s, picture in labels.items()
-        if picture is not None
-    )
-    discs: dict[Side, Discs] = {}
-    for side in SIDES:
-        seen = true_discs(truth, side, labels[side], rectification)
-        if seen is not None:
-            discs[side] = seen
-    found = {side: find(trace.view(side).circles, discs[side]) for side in discs}
-    false = {
-        s: None if truth.partial else mistakes(trace.view(s).circles.fruit, found[s], labels[s])
-        for s in discs
-    }
-    fruit = _sum(count_fruit(found[s], discs[s], false[s]) for s in discs)
-    false_left, false_right = (false.get(side) or () for side in SIDES)
-    if not truth.shared:  # nobody said which apples of the two views are the same
-        return FrameCounts(pixels, cleaned, fruit, (), (), (), false_left, false_right)
-    verdicts = _verdicts(trace.apples, truth, discs, found) if len(discs) == len(SIDES) else ()
-    left, right = (
-        tuple(None if j is None else discs[side].ids[j] for j in found.get(side, ()))
-        for side in SIDES
-    )
-    return FrameCounts(pixels, cleaned, fruit, verdicts, left, right, false_left, false_right)
 
 
 def count_pixels(mask: Mask, labels: Labels, *, partial: bool = False) -> Counts:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from processor.experiments.charts import drawing
+from processor.charts import drawing
 from processor.sweep.effects import Found, Level
 from processor.sweep.settings import Setting
 

@@ -6,8 +6,8 @@ from html import escape
 from typing import Any, Final
 
 from processor.compare.report import points, table
-from processor.experiments.page_style import STYLE
 from processor.measures import Measure
+from processor.page_style import STYLE
 from processor.paired import Interval
 from processor.sweep.effects import Found, Worth
 from processor.sweep.settings import Setting

@@ -26,7 +26,7 @@ def single_pictures(left: Path) -> tuple[tuple[Path, ...], ...]:
     return tuple((path,) for path in ((left,) if left.is_file() else pictures_in(left)))
 
 
-def picture_pairs(left: Path, right: Path) -> tuple[tuple[Path, ...], ...]:
+def picture_pairs(left: Path, right: Path) -> tuple[tuple[Path, Path], ...]:
     """Two files, or two folders' pictures paired in name order.
 
     Raises:
