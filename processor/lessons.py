@@ -9,7 +9,7 @@ from typing import Final, cast
 import cv2
 import numpy as np
 
-from processor.count import true_discs
+from processor.discs import true_discs
 from processor.trace import Floats
 from recorder.errors import PomologError
 from recorder.pictures import decode

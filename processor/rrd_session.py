@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 import rerun as rr
 
-from processor.count import Discs, true_discs
+from processor.discs import Discs, true_discs
 from processor.palette import REJECTED, TRUTH
 from processor.rrd_pictures import jpeg, recorded
 from recorder.exposure import OVER_LEVEL

@@ -9,7 +9,8 @@ import numpy.typing as npt
 from scipy.ndimage import gaussian_filter
 
 from processor.colour_table import ENTRIES, ColourModel, ColourTable, pack, read_table
-from processor.count import LEAST_IOU, LEAST_VISIBLE, disc_iou
+from processor.count import LEAST_IOU
+from processor.discs import LEAST_VISIBLE, disc_iou
 from processor.evidence import CLAIM_MEASURES, MEASURES, Claims, gather
 from processor.fruit import FruitFinder, FruitModel, Proposals
 from processor.lessons import Lesson

@@ -9,7 +9,8 @@ from scipy.optimize import minimize
 from processor.assign import Assignment, MatchModel
 from processor.clean import SizeFloor
 from processor.colour_table import ColourModel, ColourTable
-from processor.count import LEAST_IOU, LEAST_VISIBLE, disc_iou
+from processor.count import LEAST_IOU
+from processor.discs import LEAST_VISIBLE, disc_iou
 from processor.fruit import FruitFinder, FruitModel
 from processor.lessons import Lesson
 from processor.net import Floats32, Net, train_net

@@ -6,7 +6,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from processor.count import true_discs
+from processor.discs import true_discs
 from recorder.records import SIDES, AppleTruth, Frame, FrameTruth, Note, RangeReading
 from recorder.rectify import rectify
 from recorder.rig import Rangefinder, parallel_rig

@@ -6,14 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from processor.count import (
-    AppleVerdict,
-    Counts,
-    FrameCounts,
-    count_frame,
-    count_pixels,
-    disc_iou,
-)
+from processor.count import AppleVerdict, Counts, FrameCounts, count_frame, count_pixels
+from processor.discs import disc_iou
 from processor.trace import Apple, Fruit, Mask, Trace
 from recorder.records import UNCOUNTED, AppleTruth, FrameTruth, Labels, Outline, TruthPoint
 from recorder.rectify import rectify

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from processor.count import true_discs
+from processor.discs import true_discs
 from recorder.check import check
 from recorder.records import SIDES
 from recorder.rectify import rectify

@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from processor.count import LEAST_VISIBLE
+from processor.discs import LEAST_VISIBLE
 from processor.results import STAGES, read_table
 from processor.runs import Run, find_runs, score_runs
 from processor.score import Score

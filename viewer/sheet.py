@@ -8,7 +8,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from processor.count import true_discs
+from processor.discs import true_discs
 from processor.palette import (
     ALONE,
     ESTIMATE,

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from processor.count import Discs
+from processor.discs import Discs
 from processor.palette import (
     ALONE,
     ESTIMATE,

@@ -13,7 +13,8 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from processor.compare.pictures import Results, Row, places_of, tally
-from processor.count import LEAST_IOU, disc_iou
+from processor.count import LEAST_IOU
+from processor.discs import disc_iou
 from processor.measures import Floats
 from recorder.records import SIDES
 

@@ -7,7 +7,8 @@ from typing import Final
 import cv2
 import numpy as np
 
-from processor.count import Discs, FrameCounts
+from processor.count import FrameCounts
+from processor.discs import Discs
 from processor.match import AreaInOrder
 from processor.trace import Fruit, Trace, ViewTrace
 from recorder.records import SIDES, UNCOUNTED, Labels, Side

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from processor import charts
-from processor.count import true_discs
+from processor.discs import true_discs
 from processor.experiments.item import Claim, Item
 from processor.experiments.material import Material, describe
 from processor.experiments.work import Bench, Row, Sample, samples

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from processor.clean import AreaRule
-from processor.count import Discs, true_discs
+from processor.discs import Discs, true_discs
 from processor.experiments.work import Sample
 from processor.trace import Cleaning, Mask, Recognition, Region
 from recorder.records import SIDES, UNCOUNTED, Labels, Side

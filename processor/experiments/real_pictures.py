@@ -11,7 +11,8 @@ import numpy as np
 from processor import charts
 from processor.circles import RandomRing
 from processor.clean import AreaRule
-from processor.count import count_frame, disc_iou
+from processor.count import count_frame
+from processor.discs import disc_iou
 from processor.experiments import story
 from processor.experiments.item import Claim, Item
 from processor.experiments.segmentation import RULES

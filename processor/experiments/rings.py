@@ -9,7 +9,7 @@ import numpy as np
 
 from processor import charts
 from processor.circles import HoughCircles, RandomRing
-from processor.count import disc_iou
+from processor.discs import disc_iou
 from processor.experiments.item import Claim, Item, Verdict
 from processor.experiments.material import Material, Source, describe
 from processor.experiments.outlines import Outline, as_recognition, outlines
