@@ -12,6 +12,7 @@ import typer
 from typer.testing import CliRunner
 
 from pomolog import COMMANDS
+from processor.columns import meaning
 from processor.methods import METHODS, STAGES
 from processor.results import TABLES
 from recorder.messages import SCHEMAS
@@ -49,7 +50,8 @@ def results() -> Iterator[str]:
     yield "\n`pomolog replay S.mcap -o OUT` writes these files into `OUT/S/`, beside `run.json`."
     for name, schema in TABLES.items():
         yield f"\n## {name}.parquet\n"
-        yield from table(("column", "type"), ((f"`{f.name}`", f"`{f.type}`") for f in schema))
+        rows = ((f"`{f.name}`", f"`{f.type}`", meaning(f.name) or "") for f in schema)
+        yield from table(("column", "type", "meaning"), rows)
 
 
 def commands() -> Iterator[str]:

@@ -8,6 +8,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from processor.columns import meaning
 from processor.count import AppleVerdict, Counts, FrameCounts
 from processor.trace import Circles, Trace
 from recorder.errors import PomologError
@@ -116,7 +117,18 @@ SWEEP: Final = pa.schema(
         ("locate_ns", pa.int64()),  # as if the setting had run alone
     ]
 )
-TABLES: Final[dict[str, pa.Schema]] = {"apples": APPLES, "frames": FRAMES, "truth": TRUTH}
+
+
+def _explained(schema: pa.Schema) -> pa.Schema:
+    """The schema with each column's meaning in its metadata, which the files keep."""
+    return pa.schema(
+        [field.with_metadata({"meaning": meaning(field.name) or ""}) for field in schema]
+    )
+
+
+TABLES: Final[dict[str, pa.Schema]] = {
+    "apples": _explained(APPLES), "frames": _explained(FRAMES), "truth": _explained(TRUTH),
+}  # fmt: skip
 
 Row = dict[str, Any]
 Rows = dict[str, list[Row]]

@@ -8,6 +8,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from processor.columns import meaning
 from processor.count import FrameCounts, count_frame
 from processor.locate import Locator
 from processor.results import APPLES, TABLES, Rows, join_tables, read_table, rows_of, write_tables
@@ -149,3 +150,14 @@ def test_a_table_that_is_not_there_or_damaged_or_old_is_one_line(tmp_path: Path)
     pq.write_table(pa.table({"session": ["s"]}), tmp_path / "apples.parquet")
     with pytest.raises(PomologError, match="no column apple; it was made by another version"):
         read_table(tmp_path, "apples")
+
+
+def test_every_column_says_what_it_means_in_the_file_too(tmp_path: Path) -> None:
+    for name, schema in TABLES.items():
+        assert not [field.name for field in schema if not meaning(field.name)]
+        path = tmp_path / f"{name}.parquet"
+        pq.write_table(schema.empty_table(), path)
+        kept = pq.read_schema(path)
+        assert all(field.metadata[b"meaning"] for field in kept)
+    assert meaning("left_radius_px") != meaning("left_x_px")
+    assert meaning("unheard") is None
