@@ -59,7 +59,10 @@ def cases_shown(
             yield f"<h3>{escape(column.label)}</h3>"
         found = cases[column.label]
         if found is None:
-            yield '<p class="notrun"><b>Not scored:</b> without truth nothing is worst.</p>'
+            yield (
+                '<p class="notrun"><b>Not scored:</b> no truth of single apples says which cases '
+                "are worst.</p>"
+            )
             continue
         if not found:
             yield "<p>Nothing was missed, false, wrongly matched or measured.</p>"

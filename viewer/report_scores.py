@@ -45,6 +45,13 @@ def _measures(column: Column) -> Iterator[tuple[str, str]]:
     score = column.score
     everything = np.ones(column.pairs, bool)
     yield "pairs", str(score.frames)
+    left, right, located = (
+        int(column.frames[name].sum()) for name in ("left_fruit", "right_fruit", "matched")
+    )
+    yield "circles found, left / right", f"{left} / {right}"
+    yield "fruit located", str(located)
+    recall = None if score.pixels is None else score.pixels.recall
+    yield "pixels: recall %", cell(recall, scored=score.pixels is not None)
     pixels = None if score.pixels is None else score.pixels.f1
     yield (
         "pixels: F1 %",

@@ -61,8 +61,8 @@ def sessions_table(runs: Sequence[Run]) -> str:
         Head("begins (UTC)"), Head("largest skew ms", "n"), Head("fingerprint"),
     ]  # fmt: skip
     caption = (
-        f"The {len(rows)} sessions, as they say it themselves; a condition that changes within a "
-        "session is in the score by that condition. The skew is between the two cameras."
+        "The sessions, as they say it themselves; a condition that changes within a session is in "
+        "the score by that condition. The skew is between the two cameras."
     )
     return _long(heads, rows, caption)
 

@@ -106,6 +106,7 @@ class _Drawing:
                 SIDES, (None, None) if truth is None else (truth.left, truth.right), strict=True
             )
         }
+        self.masked = any(labels is not None for labels in self.labels.values())
         self.rows = told(found.apples, found.truth)
         self.panels: list[dict[str, Any]] = []
         self.y = HEAD_PX
@@ -173,9 +174,12 @@ class _Drawing:
         entries: list[tuple[str, Colour]] = [("found", ESTIMATE), ("without a partner", ALONE)]
         if self.scored:
             entries.insert(0, ("true", TRUTH))
-        if any(labels is not None for labels in self.labels.values()) or self.scored:
-            entries += [("hit, matched right", HIT), ("false, matched wrong", FALSE),
-                        ("missed", MISSED), ("counts neither way", REJECTED)]  # fmt: skip
+        if self.scored or self.masked:
+            matches = (", matched right", ", matched wrong") if self.scored else ("", "")
+            entries.append(("hit" + matches[0], HIT))
+            if self.scored or not self.partial:
+                entries.append(("false" + matches[1], FALSE))
+            entries += [("missed", MISSED), ("counts neither way", REJECTED)]
         entries += [("contour", CONTOUR), ("tried ring", TRIED)]
         if self.trace.matching.reference_px is not None:
             entries.append(("reference line", REFERENCE))
@@ -212,11 +216,11 @@ class _Drawing:
                 )
                 for side in SIDES
             }
-            held = any(labels is not None for labels in self.labels.values())
-            self._pair(place, name, "against truth" if held else "no truth", shown)
+            self._pair(place, name, "against truth" if self.masked else "no truth", shown)
         self._next_row()
         pictures = {side: views[side].picture for side in SIDES}
-        circles = self._pair(0, "circles", "contours, tried rings, winners, truth", pictures)
+        words = "contours, tried rings, winners" + (", truth" if self.scored else "")
+        circles = self._pair(0, "circles", words, pictures)
         for side, panel in circles.items():
             draw_circles(panel, self.trace, side, discs[side])
         matched = self._pair(1, "match", "the same number is the same apple", pictures)
