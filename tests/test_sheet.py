@@ -13,10 +13,12 @@ from processor.methods import METHODS
 from processor.palette import ALONE, ESTIMATE, FALSE, HIT, MISSED, REJECTED, TRUTH, VERDICTS, Colour
 from processor.replay import replay
 from processor.rims import Bytes
-from recorder.records import UNCOUNTED
+from recorder.records import SIDES, UNCOUNTED, Frame, FrameTruth
 from recorder.rig import Camera, Rig
-from tests.scenes import apple, draw, painted, small_rig, stereo_session
+from recorder.session_writer import SessionWriter
+from tests.scenes import apple, draw, encoded, painted, small_rig, stereo_session
 from tests.test_processor_cli import Command, assert_one_line
+from viewer.report_columns import columns_of
 from viewer.sheet import Sheet, make_sheet
 from viewer.sheet_panels import against_truth, brightened, match_verdict
 from viewer.sheet_table import MOST_ROWS, height_px, missed, told
@@ -34,6 +36,20 @@ def command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str])
 def replayed(tmp_path: Path, frames: Any = FRAMES, method: str = "paper", **how: Any) -> Path:
     session = stereo_session(tmp_path / "row.mcap", frames, **how)
     tuple(replay([session], tmp_path / "out", METHODS[method], method=method, rrd="none"))
+    return tmp_path / "out" / "row"
+
+
+def unpaired(tmp_path: Path, how: str, method: str = "paper") -> Path:
+    """Results of a session whose labels name apples apart in each view, or in one view alone."""
+    rig = small_rig()
+    drawn = {side: draw(rig, side, FRAMES[0]) for side in SIDES}
+    with SessionWriter.create(tmp_path / "row.mcap", rig) as writer:
+        for side in SIDES:
+            writer.write_frame(Frame(side, 0, "png", encoded(drawn[side][0]), (320, 240), 0))
+        right = drawn["right"][1] if how == "apart" else None
+        writer.write_truth(0, FrameTruth(drawn["left"][1], right, shared=how != "apart"))
+    locator = METHODS[method]
+    tuple(replay([tmp_path / "row.mcap"], tmp_path / "out", locator, method=method, rrd="none"))
     return tmp_path / "out" / "row"
 
 
@@ -121,6 +137,25 @@ def test_without_truth_there_is_no_verdict(tmp_path: Path) -> None:
     assert count(panel(sheet, "circles"), TRUTH) == 0
     assert at(panel(sheet, "mask"), 129.5, 119.5) == [255, 255, 255]
     assert count(panel(sheet, "match"), ESTIMATE) > 200
+
+
+@pytest.mark.parametrize("how", ["apart", "one view"])
+def test_truth_that_does_not_pair_the_views_gives_matches_no_verdict(
+    how: str, tmp_path: Path
+) -> None:
+    sheet = make_sheet(unpaired(tmp_path, how), 0)
+    assert sheet.told["scored"]
+    assert not sheet.told["matches_scored"]
+    assert [row["verdict"] for row in sheet.told["apples"]] == [None]
+    assert count(panel(sheet, "match"), ESTIMATE) > 100
+    assert not any(count(panel(sheet, "match"), c, slack=3) for c in VERDICTS.values())
+    assert at(panel(sheet, "mask"), 129.5, 119.5) == list(HIT)
+
+
+def test_a_report_draws_no_curve_of_circles_that_the_truth_does_not_name(tmp_path: Path) -> None:
+    (column,) = columns_of([unpaired(tmp_path, "apart", "pomolog")])
+    assert column.score.fruit is not None
+    assert column.circles.wanted is None
 
 
 def test_a_frame_without_fruit_is_drawn_too(tmp_path: Path) -> None:

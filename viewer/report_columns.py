@@ -30,7 +30,8 @@ class Circles:
     Attributes:
         confidence: (N,) NaN where the method gives none.
         true: (N,) whether each finds an apple that should be found.
-        wanted: how many should be found; None where nobody can know what is false.
+        wanted: how many should be found; None where nobody can know which circles are right, and
+            which are false.
         seen: (M,) the visible fraction of each true apple in each view, where somebody said.
         found: (M,) whether a circle of that view finds it.
     """
@@ -170,7 +171,10 @@ def _circles(tables: Sequence[Tables], frames: dict[str, Floats]) -> Circles:
     verdicts = [_verdicts(table, side) for table in tables for side in SIDES]
     confidence, right, false = (np.concatenate(parts) for parts in zip(*verdicts, strict=True))
     counted = ~np.isnan(frames["fruit_tp"])
-    known = counted.any() and not np.isnan(frames["fruit_fp"][counted]).any()
+    # truth of one view, or of views that name apples apart, is counted but names no circle's apple
+    known = counted.any() and [right.sum(), false.sum()] == [
+        frames[name][counted].sum() for name in ("fruit_tp", "fruit_fp")
+    ]
     wanted = int((frames["fruit_tp"] + frames["fruit_fn"])[counted].sum()) if known else None
     judged = right | false
     truths = [table["truth"] for table in tables for _ in SIDES]

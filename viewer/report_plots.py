@@ -141,7 +141,9 @@ def precision_against_recall(columns: Sequence[Column]) -> str:
         axes.set(xlim=(0, 1.01), ylim=(0, 1.01), xlabel="recall", ylabel="precision")
         _legend(axes, columns)
     if not told:
-        return _nothing("Precision and recall", "the truth does not say which circles are false")
+        return _nothing(
+            "Precision and recall", "the truth does not say which circles are right and which false"
+        )
     caption = (
         f"Precision and recall of circles in single views, over every threshold of their "
         f"confidence that is kept. {_sentence(told)}. The marker is the run as it is."
@@ -196,7 +198,7 @@ def calibration_of_confidence(columns: Sequence[Column]) -> str:
         )
     return _calibration(
         columns, shares, "confidence", "Confidence of circles", "confidence said", "share right",
-        "no method says how sure it is of a circle, or nobody knows which are false",
+        "no method says how sure it is of a circle, or nobody knows which are right",
         "above the line it is too modest, below it too sure",
     )  # fmt: skip
 

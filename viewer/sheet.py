@@ -8,7 +8,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from processor.discs import true_discs
+from processor.discs import Discs, true_discs
 from processor.palette import (
     ALONE,
     ESTIMATE,
@@ -106,6 +106,13 @@ class _Drawing:
                 SIDES, (None, None) if truth is None else (truth.left, truth.right), strict=True
             )
         }
+        self.discs: dict[Side, Discs | None] = {
+            side: None if truth is None
+            else true_discs(truth, side, self.labels[side], found.rectification)
+            for side in SIDES
+        }  # fmt: skip
+        # whether the truth says which circles of the two views are one apple
+        self.paired = truth is not None and truth.shared and None not in self.discs.values()
         self.masked = any(labels is not None for labels in self.labels.values())
         self.rows = told(found.apples, found.truth)
         self.panels: list[dict[str, Any]] = []
@@ -139,7 +146,7 @@ class _Drawing:
         return HEAD_PX + stages + curves + table + MARGIN_PX
 
     def _lines(self, words: Sequence[str]) -> list[str]:
-        if not self.scored:
+        if not self.paired:
             return []
         text = f"Missed, of the true apples to be matched: {', '.join(words) or 'none'}."
         return wrap(text, 230)
@@ -165,6 +172,8 @@ class _Drawing:
     def _verdict(self) -> str:
         if not self.scored:
             return "Not scored: no truth of single apples."
+        if not self.paired:
+            return "Matches not scored: the truth does not pair the apples of the two views."
         matches = [row["match"] for row in self.found.truth]
         right, wrong, none = (matches.count(word) for word in ("right", "wrong", "missed"))
         asked = right + wrong + none
@@ -175,9 +184,9 @@ class _Drawing:
         if self.scored:
             entries.insert(0, ("true", TRUTH))
         if self.scored or self.masked:
-            matches = (", matched right", ", matched wrong") if self.scored else ("", "")
+            matches = (", matched right", ", matched wrong") if self.paired else ("", "")
             entries.append(("hit" + matches[0], HIT))
-            if self.scored or not self.partial:
+            if self.paired or not self.partial:
                 entries.append(("false" + matches[1], FALSE))
             entries += [("missed", MISSED), ("counts neither way", REJECTED)]
         entries += [("contour", CONTOUR), ("tried ring", TRIED)]
@@ -190,13 +199,7 @@ class _Drawing:
             x += 24 + 9 * len(words) + 26
 
     def _stages(self) -> None:
-        truth, rectification = self.found.pair.truth, self.found.rectification
-        discs = {
-            side: None if truth is None
-            else true_discs(truth, side, self.labels[side], rectification)
-            for side in SIDES
-        }  # fmt: skip
-        straight = all(rectification.view(side).maps is None for side in SIDES)
+        straight = all(self.found.rectification.view(side).maps is None for side in SIDES)
         views = {side: self.trace.view(side) for side in SIDES}
         as_recorded = "as recorded" if straight else "as recorded; all else is rectified"
         self._pair(0, "recorded", as_recorded, {s: self._recorded(s) for s in SIDES})
@@ -222,9 +225,9 @@ class _Drawing:
         words = "contours, tried rings, winners" + (", truth" if self.scored else "")
         circles = self._pair(0, "circles", words, pictures)
         for side, panel in circles.items():
-            draw_circles(panel, self.trace, side, discs[side])
+            draw_circles(panel, self.trace, side, self.discs[side])
         matched = self._pair(1, "match", "the same number is the same apple", pictures)
-        colours = match_colours(self.found.apples, scored=self.scored)
+        colours = match_colours(self.found.apples, scored=self.paired)
         draw_matches(self.canvas, matched, self.found, colours)
         self._next_row()
 
@@ -284,7 +287,7 @@ class _Drawing:
         title = "Range: every matched apple" + ("" if self.rows else "; there is none")
         self.canvas.text(MARGIN_PX, self.y + 5, title, size=15, bold=True)
         end = draw_table(
-            self.canvas, MARGIN_PX, self.y + LABEL_PX + 6, self.rows, scored=self.scored
+            self.canvas, MARGIN_PX, self.y + LABEL_PX + 6, self.rows, scored=self.paired
         )
         for number, line in enumerate(self.missed):
             self.canvas.text(MARGIN_PX, end + 6 + number * ROW_PX, line, size=14, colour=SOFT)
@@ -299,14 +302,16 @@ class _Drawing:
             "method": about["method"],
             "seed": about["seed"],
             "scored": self.scored,
+            "matches_scored": self.paired,
             "size_px": [self.canvas.pixels.shape[1], self.canvas.pixels.shape[0]],
             "panels": self.panels,
-            "apples": [_plain(row) for row in self.rows],
+            "apples": [_plain(row, scored=self.paired) for row in self.rows],
             "missed": [row["apple_id"] for row in self.found.truth if row["match"] == "missed"],
         }
 
 
-def _plain(row: Row) -> Row:
-    keys = ("apple", "verdict", "disparity_px", "x_m", "y_m", "z_m", "surface_range_m",
-            "confidence", "match_cost", "true_m", "error_m")  # fmt: skip
-    return {key: row[key] for key in keys}
+def _plain(row: Row, *, scored: bool) -> Row:
+    keys = ("apple", "disparity_px", "x_m", "y_m", "z_m", "surface_range_m", "confidence",
+            "match_cost")  # fmt: skip
+    verdict = ("verdict", "true_m", "error_m")
+    return {key: row[key] for key in keys} | {key: row[key] if scored else None for key in verdict}
