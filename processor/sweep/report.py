@@ -1,13 +1,12 @@
 """A sweep for people: Markdown, a page with the chart in it; and for programs: JSON."""
 
-import base64
 from collections.abc import Iterator, Sequence
 from html import escape
 from typing import Any, Final
 
 from processor.compare.report import points, table
 from processor.measures import Measure
-from processor.page_style import STYLE
+from processor.page_parts import Head, document, grid, picture_figure
 from processor.paired import Interval
 from processor.sweep.effects import Found, Worth
 from processor.sweep.settings import Setting
@@ -106,37 +105,27 @@ def as_markdown(found: Found, settings: Sequence[Setting], splits: Splits) -> st
 
 def as_page(found: Found, settings: Sequence[Setting], splits: Splits, chart: bytes) -> str:
     """One HTML file with the chart inside."""
-    picture = base64.b64encode(chart).decode()
     body = ["<h1>Sweep</h1>"]
     body += [f'<p class="summary">{escape(line)}</p>' for line in summary(found, splits)]
     body.append(
-        f'<figure><img alt="Main effects" src="data:image/png;base64,{picture}"><figcaption>Main '
-        "effects: the mean of all settings with that value; a grey dot is one setting on train."
-        "</figcaption></figure>"
-    )
-    for heading, words, heads, rows in sections(found, settings):
-        body += [f"<h2>{heading}</h2>", f"<p>{escape(words)}</p>", *_html_table(heads, rows)]
-    return "\n".join(
-        (
-            '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">',
-            '<meta name="viewport" content="width=device-width, initial-scale=1">',
-            f"<title>Sweep</title><style>{STYLE}</style></head><body><main>",
-            *body,
-            "</main></body></html>\n",
+        picture_figure(
+            chart,
+            "Main effects: the mean of all settings with that value; a grey dot is one setting on "
+            "train.",
         )
     )
+    for heading, words, heads, rows in sections(found, settings):
+        body += [f"<h2>{heading}</h2>", f"<p>{escape(words)}</p>", _html_table(heads, rows)]
+    return document("Sweep", body)
 
 
-def _html_table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> Iterator[str]:
+def _html_table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     numeric = [all(_is_number(row[i]) for row in rows) for i in range(len(heads))]
-    kinds = [" class=n" if number else "" for number in numeric]
-    yield '<div class="scroll"><table><thead><tr>'
-    yield "".join(f"<th{k}>{escape(h)}</th>" for h, k in zip(heads, kinds, strict=True))
-    yield "</tr></thead><tbody>"
-    for row in rows:
-        cells = (f"<td{k}>{escape(c)}</td>" for c, k in zip(row, kinds, strict=True))
-        yield f"<tr>{''.join(cells)}</tr>"
-    yield "</tbody></table></div>"
+    named = zip(heads, numeric, strict=True)
+    return grid(
+        [Head(escape(head), "n" if number else "") for head, number in named],
+        [[escape(cell) for cell in row] for row in rows],
+    )
 
 
 def _is_number(text: str) -> bool:
