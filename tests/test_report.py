@@ -216,6 +216,7 @@ def test_names_of_files_are_text_and_no_markup(html: str) -> None:
     assert "dull & grey" not in html
 
 
+@pytest.mark.slow
 def test_worst_cases_have_pictures_and_a_command_each(
     outs: list[Path], command: Command, tmp_path: Path
 ) -> None:
@@ -231,6 +232,7 @@ def test_worst_cases_have_pictures_and_a_command_each(
     assert len(jpegs) == 3 + len(told["columns"][1]["worst"])
 
 
+@pytest.mark.slow
 def test_a_session_that_is_gone_costs_the_pictures_alone(
     sessions: list[Path], outs: list[Path], html: str, tmp_path: Path
 ) -> None:
@@ -371,6 +373,7 @@ def test_a_method_of_ones_own_is_printed_whole(sessions: list[Path], tmp_path: P
     assert "--method mine.toml --seed 0" in html
 
 
+@pytest.mark.slow
 def test_steps_are_ticked_one_by_one(outs: list[Path]) -> None:
     columns = columns_of(outs)
     ticks: list[int] = []
@@ -378,6 +381,7 @@ def test_steps_are_ticked_one_by_one(outs: list[Path]) -> None:
     assert sum(ticks) == steps(columns, 2) == 2 + 2 * 2
 
 
+@pytest.mark.slow
 def test_the_same_results_give_the_same_page(html: str, outs: list[Path]) -> None:
     assert make_report(columns_of(outs), outs, worst=6).html == html
 
