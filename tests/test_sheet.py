@@ -20,7 +20,7 @@ from tests.scenes import apple, draw, encoded, painted, small_rig, stereo_sessio
 from tests.test_processor_cli import Command, assert_one_line
 from viewer.report_columns import columns_of
 from viewer.sheet import Sheet, make_sheet
-from viewer.sheet_panels import against_truth, brightened, match_verdict
+from viewer.sheet_panels import against_truth, brightened, match_colours, match_verdict
 from viewer.sheet_table import MOST_ROWS, height_px, missed, told
 
 STAGES = {"recorded", "index", "mask", "cleaned", "circles", "match"}
@@ -220,6 +220,8 @@ def test_a_match_has_one_verdict(ids: Any, false: Any, verdict: str) -> None:
     row = dict(zip(("left_truth", "right_truth"), ids, strict=True))
     row |= dict(zip(("left_false", "right_false"), false, strict=True))
     assert match_verdict(row) == verdict
+    colour = {"right": HIT, "not counted": REJECTED}.get(verdict, FALSE)
+    assert match_colours([{"apple": 3, **row}], scored=True) == {3: colour}
 
 
 def test_the_table_has_matched_apples_and_names_the_missed() -> None:

@@ -17,7 +17,6 @@ from processor.palette import (
     REJECTED,
     SIDES,
     TRUTH,
-    VERDICTS,
     Colour,
 )
 from processor.results import Row
@@ -30,6 +29,9 @@ GROUND: Final = 0.45  # how bright the picture shines through below a verdict
 SHADE: Final = 0.6  # how bright a picture stays below circles
 FAINT: Final = 0.35  # of a tried ring
 RINGS_SHOWN: Final = 400  # of a view: more hide what is under them
+MATCHES: Final[dict[str, Colour]] = {  # by what `match_verdict` says
+    "right": HIT, "wrong": FALSE, "false": FALSE, "not counted": REJECTED,
+}  # fmt: skip
 LEAST_GAIN: Final = 1.2  # less is no difference to the eye
 CONTOUR: Final[Colour] = (0, 200, 110)
 TRIED: Final[Colour] = (255, 220, 120)
@@ -112,12 +114,8 @@ def draw_fruit(
 
 
 def match_colours(apples: Sequence[Row], *, scored: bool) -> dict[int, Colour]:
-    """The verdict on each located apple: right, wrong, or counted neither way."""
-    return {row["apple"]: _verdict_colour(row) for row in apples} if scored else {}
-
-
-def _verdict_colour(row: Row) -> Colour:
-    return VERDICTS.get(match_verdict(row), REJECTED)
+    """The colour of the verdict on each located apple; none where nothing is scored."""
+    return {row["apple"]: MATCHES[match_verdict(row)] for row in apples} if scored else {}
 
 
 def match_verdict(row: Row) -> str:

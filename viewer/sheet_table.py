@@ -6,11 +6,11 @@ from math import hypot
 from typing import Final
 
 from processor.page_parts import shown
-from processor.palette import VERDICTS, Colour
+from processor.palette import Colour
 from processor.results import Row
 from recorder.records import SIDES
 from viewer.canvas import INK, LINE, SOFT, Canvas
-from viewer.sheet_panels import match_verdict
+from viewer.sheet_panels import MATCHES, match_verdict
 
 ROW_PX: Final = 22
 MOST_ROWS: Final = 60  # of a sheet that is still looked at
@@ -118,8 +118,7 @@ def draw_table(canvas: Canvas, x: int, y: int, rows: Sequence[Row], *, scored: b
     canvas.fill(x, y - 3, width, 1, SOFT)
     for row in rows[:MOST_ROWS]:
         colours = [
-            VERDICTS.get(row["verdict"], INK) if column.head == "verdict" else INK
-            for column in columns
+            MATCHES[row["verdict"]] if column.head == "verdict" else INK for column in columns
         ]
         cells = [
             (column.cell(row), colour) for column, colour in zip(columns, colours, strict=True)
