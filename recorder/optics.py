@@ -43,18 +43,22 @@ def to_rays(camera: Camera, points_px: Floats) -> Floats:
         rough = cv2.undistortPoints(wanted, camera.matrix, camera.distortion)
     rays = np.asarray(rough, float).reshape(-1, 2)
     rays = np.where(np.isfinite(rays) & (np.abs(rays) < 50), rays, 0.0)
+    pending = np.arange(len(rays))  # the places of those that are not there yet
     for _ in range(NEWTON_ROUNDS):
-        missed = points_px - _seen(camera, rays)
-        if not (np.linalg.norm(missed, axis=1) > 1e-6).any():
+        missed = points_px[pending] - _seen(camera, rays[pending])
+        far = np.linalg.norm(missed, axis=1) > 1e-6
+        pending, missed = pending[far], missed[far]
+        if len(pending) == 0:
             break
+        here = rays[pending]
         slopes = np.stack(
-            [(_seen(camera, rays + step) - _seen(camera, rays - step)) / (2 * STEP)
+            [(_seen(camera, here + step) - _seen(camera, here - step)) / (2 * STEP)
              for step in (np.array([STEP, 0]), np.array([0, STEP]))],
             axis=2,
         )  # fmt: skip
         flat = np.abs(np.linalg.det(slopes)) < 1e-6
         slopes[flat] = np.eye(2) * camera.matrix[0, 0]
-        rays = rays + np.linalg.solve(slopes, missed[..., None])[..., 0]
+        rays[pending] = here + np.linalg.solve(slopes, missed[..., None])[..., 0]
     lost = np.linalg.norm(points_px - _seen(camera, rays), axis=1) > CLOSE_PX
     rays[lost | ~np.isfinite(rays).all(axis=1)] = np.nan
     return np.column_stack([rays, np.ones(len(rays))])

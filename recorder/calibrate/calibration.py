@@ -22,7 +22,7 @@ COVERED: Final = 0.6  # of the picture's cells should have corners
 CELLS: Final = (8, 6)  # across and down
 BAD_RMS: Final = 1.0 / 1280  # of the picture's width
 UNSURE: Final = 0.01  # of focal length or baseline
-MARKER_OFF: Final = 0.06  # a marker's outline is seen a little smaller than it is printed
+MARKER_OFF: Final = 0.1  # a marker's outline is seen a little smaller than it is printed
 PLAUSIBLE_BASELINE_M: Final = (0.01, 1.5)
 SPACING_OFF: Final = 0.005
 

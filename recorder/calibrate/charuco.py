@@ -242,9 +242,9 @@ def _wrong_size(board: Board, name: str, pictures: Sequence[dict[int, Floats]]) 
             )
     best = min(fits, key=lambda width: fits[width])
     line = f"the markers do not lie as on a board of {across}x{down} squares"
-    if best != across and fits[best] < MISPLACED:
-        return f"{line}, but as on one that is {best} wide; count the squares across again"
     exchanged = Board(board.kind, down - 1, across - 1, board.square_m, board.marker_m)
     if _judged(exchanged, name, legacy=False, pictures=pictures).misplaced < MISPLACED:
         return f"{line}; are the two numbers exchanged?"
+    if best != across and fits[best] < MISPLACED:
+        return f"{line}, but as on one that is {best} wide; count the squares across again"
     return f"{line}; count its squares again, and measure its markers"

@@ -16,6 +16,7 @@ from recorder.records import SIDES, Side
 from recorder.rig import Camera, Floats, LensModel
 
 MIN_VIEWS: Final = 3
+MIN_TILT: Final = np.deg2rad(6)  # a board's shape changes by the cosine: by half a percent
 CONSISTENT: Final = 0.012  # of the picture's width: what a pose from one camera may miss by
 OUTLIER_TIMES, OUTLIER_PX = 2.5, 0.15  # a view's rms against the median of all
 FAR_CORNER_TIMES, FAR_CORNER_PX = 6.0, 1.0  # a corner's residual against the others' spread
@@ -97,6 +98,7 @@ def fit(points_m: Floats, sighting: Sighting, lens: LensModel) -> Fit:
     left, right = (_alone(points_m, sighting, side, lens) for side in SIDES)
     steps = [step_between(one, other) for one, other in zip(left.poses, right.poses, strict=True)]
     step, agreeing = _agreement(points_m, views, right, left.poses, steps, sighting.right_size_px)
+    _require_tilts(left.poses)
     if len(agreeing) < MIN_VIEWS:
         raise NoAgreementError(steps, views)
     begin = Solution(lens, (left.cameras[0], right.cameras[0]), step, left.poses)
@@ -114,6 +116,22 @@ class NoAgreementError(PomologError):
             f"the {len(views)} views do not agree on where the right camera is: by up to "
             f"{spread_mm:.0f} mm and {np.ptp(turns):.1f} degrees; do the pictures belong together, "
             "and did neither board nor cameras move between them?"
+        )
+
+
+def _require_tilts(poses: Sequence[Floats]) -> None:
+    """Refuse boards that all face one way: size and distance cannot be told apart then.
+
+    Raises:
+        PomologError: no two of them are `MIN_TILT` apart.
+    """
+    normals = np.array([_matrix(pose)[:, 2] for pose in poses])
+    middle = normals.mean(axis=0) / np.linalg.norm(normals.mean(axis=0))
+    widest = float(np.arccos(np.clip(normals @ middle, -1, 1)).max())
+    if widest < MIN_TILT:
+        raise PomologError(
+            f"the board is seen at one angle (all within {np.rad2deg(widest):.1f} degrees), which "
+            "does not tell the focal length; tilt it by 20 to 45 degrees in all directions"
         )
 
 
