@@ -31,13 +31,9 @@ COMMANDS: Final[dict[str, Command]] = {
     "methods": Command("processor.cli", "list the methods, or print one as TOML"),
     "train": Command("processor.cli", "learn a model for method pomolog"),
     "score": Command("processor.cli", "hits, false positives, matches and distance errors"),
-    "compare": Command(
-        "processor.compare.cli", "run against run: what is better, worse, or not known"
-    ),
+    "compare": Command("processor.compare.cli", "run against run: better, worse, or not known"),
     "export": Command("processor.cli", "give a session or results to ROS, labelling tools, tables"),
-    "sweep": Command(
-        "processor.sweep.cli", "try many settings: the best on train, its worth on test"
-    ),
+    "sweep": Command("processor.sweep.cli", "try many settings: best on train, worth on test"),
     "paper": Command("processor.cli", "every table and figure of the paper, beside ours"),
     "view": Command("viewer.cli", "open a run, or a session, in Rerun"),
     "report": Command("viewer.cli", "one page to send: score, plots, worst cases in pictures"),

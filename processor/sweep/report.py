@@ -126,6 +126,16 @@ def _html_table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
         [Head(escape(head), "n" if number else "") for head, number in named],
         [[escape(cell) for cell in row] for row in rows],
     )
+    caption = "The mean of all settings with that value; a grey dot is one setting on train."
+    body = ["<h1>Sweep</h1>"]
+    body += [f'<p class="summary">{escape(line)}</p>' for line in summary(found, splits)]
+    body.append(picture_figure(chart, caption, alt="Main effects"))
+    for heading, words, heads, rows in sections(found, settings):
+        numeric = [all(_is_number(row[i]) for row in rows) for i in range(len(heads))]
+        columns = [Head(escape(h), "n" * n) for h, n in zip(heads, numeric, strict=True)]
+        cells = ([escape(cell) for cell in row] for row in rows)
+        body += [f"<h2>{heading}</h2>", f"<p>{escape(words)}</p>", grid(columns, cells)]
+    return document("Sweep", body)
 
 
 def _is_number(text: str) -> bool:

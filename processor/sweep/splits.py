@@ -92,9 +92,8 @@ def _said(named: int, cut: int, kinds: set[str], *, reused: bool) -> str:
         )
     parts = []
     if named:
-        parts.append(
-            f"{named} sessions say their split" if named > 1 else "1 session says its split"
-        )
+        many = f"{named} sessions say their split"
+        parts.append(many if named > 1 else "1 session says its split")
     if cut:
         parts.append(f"{cut} session{'s' if cut > 1 else ''} without one: {RULE}")
     return "; ".join(parts) + "."
