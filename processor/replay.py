@@ -7,11 +7,8 @@ killed goes on with the slices that are missing.
 
 import hashlib
 import json
-import multiprocessing
-import os
 import platform
 import shutil
-import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
@@ -28,6 +25,7 @@ import cv2
 from processor.count import count_frame
 from processor.locate import Locator
 from processor.methods import describe, models_of
+from processor.pool import processes
 from processor.recordings import join_recordings
 from processor.results import TABLES, Rows, join_tables, read_table, rows_of, write_tables
 from recorder.errors import PomologError
@@ -111,10 +109,7 @@ def replay(
     with ExitStack() as stack:
         pool = None
         if workers > 1:
-            context = multiprocessing.get_context("spawn")  # a fork would copy threads' locks
-            pool = stack.enter_context(
-                ProcessPoolExecutor(workers, mp_context=context, initializer=_end_with_parent)
-            )
+            pool = stack.enter_context(processes(workers))
         for path in sessions:
             try:
                 yield _replay_session(path, out / path.stem, locator, method, seed, pool, rrd, tick)
@@ -125,18 +120,6 @@ def replay(
                     f"a worker on {path} was killed, perhaps for want of memory; "
                     "run the same command again with fewer --workers, it goes on"
                 )
-
-
-def _end_with_parent() -> None:
-    """In a worker: end when a killed run leaves it behind, so that none meets its successor."""
-
-    def wait() -> None:
-        parent = multiprocessing.parent_process()
-        assert parent is not None
-        parent.join()
-        os._exit(1)
-
-    threading.Thread(target=wait, daemon=True).start()
 
 
 def _replay_session(

@@ -127,7 +127,9 @@ def _repeat(folder: Path) -> Repeat:
             name = str(run.about["session"]["name"])
             run.about["session"]["fingerprint"], run.about["method"], int(run.about["seed"])
             _method_of(run.about)
-        except (KeyError, TypeError, ValueError):
+            for stage in run.about["locator"].values():
+                stage["use"]
+        except (AttributeError, KeyError, TypeError, ValueError):
             raise PomologError(f"{run.folder}/run.json is damaged; replay it again") from None
         if name in sessions:
             raise PomologError(

@@ -7,7 +7,6 @@ session's fingerprint and the pairs of the slice.
 
 import hashlib
 import json
-import multiprocessing
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
@@ -19,6 +18,7 @@ from typing import Any, Final, cast
 import cv2
 
 from processor.experiments.material import Source
+from processor.pool import processes
 from recorder.files import replacing
 from recorder.pictures import decode
 from recorder.records import Labels, Picture, Side, StereoPair
@@ -160,8 +160,7 @@ def open_bench(
     if workers <= 1:
         yield Bench(folder, None, tick, slice_pairs)
         return
-    context = multiprocessing.get_context("spawn")  # a fork would copy threads' locks
-    with ProcessPoolExecutor(workers, mp_context=context) as pool:
+    with processes(workers) as pool:
         yield Bench(folder, pool, tick, slice_pairs)
 
 
