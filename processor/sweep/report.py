@@ -105,27 +105,6 @@ def as_markdown(found: Found, settings: Sequence[Setting], splits: Splits) -> st
 
 def as_page(found: Found, settings: Sequence[Setting], splits: Splits, chart: bytes) -> str:
     """One HTML file with the chart inside."""
-    body = ["<h1>Sweep</h1>"]
-    body += [f'<p class="summary">{escape(line)}</p>' for line in summary(found, splits)]
-    body.append(
-        picture_figure(
-            chart,
-            "Main effects: the mean of all settings with that value; a grey dot is one setting on "
-            "train.",
-        )
-    )
-    for heading, words, heads, rows in sections(found, settings):
-        body += [f"<h2>{heading}</h2>", f"<p>{escape(words)}</p>", _html_table(heads, rows)]
-    return document("Sweep", body)
-
-
-def _html_table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    numeric = [all(_is_number(row[i]) for row in rows) for i in range(len(heads))]
-    named = zip(heads, numeric, strict=True)
-    return grid(
-        [Head(escape(head), "n" if number else "") for head, number in named],
-        [[escape(cell) for cell in row] for row in rows],
-    )
     caption = "The mean of all settings with that value; a grey dot is one setting on train."
     body = ["<h1>Sweep</h1>"]
     body += [f'<p class="summary">{escape(line)}</p>' for line in summary(found, splits)]
