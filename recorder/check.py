@@ -9,13 +9,12 @@ import numpy as np
 
 from recorder.errors import PomologError
 from recorder.pictures import decode, verify
-from recorder.records import COMPRESSED, SIDES
+from recorder.records import COMPRESSED
 from recorder.rectify import rectify
 from recorder.session import Session
+from recorder.timing import GAP_FACTOR, judge, timing_of
 
 Level = Literal["ok", "warning", "failure"]
-
-GAP_FACTOR = 1.5  # a frame later than this many intervals means that one was lost
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +55,10 @@ def _findings(session: Session, tick: Callable[[], None]) -> list[Finding]:
         rig = f"one view, its calibration {'nominal' if nominal else 'known'}"
     findings.append(Finding("ok", f"{rig}, {resampled}"))
     findings += _timing(session)
+    try:
+        session.require_pairs()
+    except PomologError as error:  # what is known of their times has been said
+        return [*findings, Finding("failure", str(error))]
     labelled = readings = depths = 0
     for pair in session.pairs():
         for frame in (pair.left,) if session.one_view else (pair.left, pair.right):
@@ -89,9 +92,9 @@ def _depth(session: Session, near: int) -> Finding:
 
 
 def _timing(session: Session) -> list[Finding]:
+    timing = timing_of(session)
     findings = []
-    for side in SIDES[:1] if session.one_view else SIDES:
-        times = session.times_ns(side)
+    for side, times in timing.times_ns.items():
         unpaired = len(times) - len(session)
         if unpaired:
             findings.append(
@@ -109,9 +112,13 @@ def _timing(session: Session) -> list[Finding]:
         else:
             findings.append(Finding("ok", f"{rate}, no gap"))
     skew_ms = np.abs(np.diff(session.pair_times_ns(), axis=1)) / 1e6
-    if len(skew_ms) and not session.one_view:
+    verdict = judge(timing)
+    if verdict is None:
+        return findings
+    if len(skew_ms):
         text = (
             f"left to right skew: median {np.median(skew_ms):.2f} ms, at most {skew_ms.max():.2f}"
         )
         findings.append(Finding("ok", text))
+    findings.append(Finding("ok" if verdict.sound else "warning", verdict.text))
     return findings

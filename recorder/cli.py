@@ -78,13 +78,26 @@ def info(session: SessionArgument, as_json: AsJson = False) -> None:
             print(f"  {title}: {key} = {value}")
 
 
-@app.command(epilog="Example: pomolog check sessions/demo.mcap")
-def check(session: SessionArgument, as_json: AsJson = False) -> None:
+@app.command(epilog="Example: pomolog check sessions/demo.mcap --plot gaps.png")
+def check(
+    session: SessionArgument,
+    plot: Annotated[
+        Path | None, typer.Option(help="Draw intervals and left-right gaps (.png, .svg, .pdf).")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
     """Read all of a session: checksums, pictures, rates, gaps, skew. Exit 1 if it is not sound."""
     from recorder.check import check as look
     from recorder.progress import progress
-    from recorder.session import read_info
+    from recorder.session import Session, read_info
 
+    if plot is not None:
+        from recorder.timing import judge, timing_of
+        from recorder.timing_plot import draw_timing
+
+        with Session(session) as opened:
+            timing = timing_of(opened)
+        draw_timing(timing, judge(timing), plot, session.name)
     try:
         pairs = read_info(session).pairs
     except PomologError:

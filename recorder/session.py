@@ -408,8 +408,8 @@ class Session:
                 )
         if len(self._pairs) == 0:
             raise PomologError(
-                f"no left and right frames of one time in {self.path}; "
-                f"see their gaps with: pomolog check {self.path}"
+                f"no left and right frames within {self.max_skew_ns / 1e6:g} ms in {self.path}; "
+                f"see their gaps with: pomolog check {self.path} --plot gaps.png"
             )
 
     def _read_rig(self) -> Rig:

@@ -44,7 +44,7 @@ KEEPERS = {
     },
     "rerun_cli": {"processor.recordings"},
     "pyarrow": {"processor.results", "viewer.chunks"},
-    "matplotlib": {"processor.charts"},
+    "matplotlib": {"processor.charts", "recorder.timing_plot"},
     "pydantic": {
         "recorder.rig_formats.ours",
         "recorder.equipment",
