@@ -13,7 +13,7 @@ from recorder.exports.coco import CocoFile
 from recorder.files import replacing
 from recorder.pictures import decode
 from recorder.records import COMPRESSED, Depth, Frame
-from recorder.rig import Camera, Rig
+from recorder.rig_formats.ours import toml_text
 from recorder.session import Session
 
 
@@ -60,7 +60,7 @@ def export_frames(
             tick()
         text = json.dumps(coco.document(), indent=1)
         (part / "coco.json").write_text(text, encoding="utf-8")
-        (part / "rig.toml").write_text(rig_text(session.rig), encoding="utf-8")
+        (part / "rig.toml").write_text(toml_text(session.rig), encoding="utf-8")
     return ExportedFrames(pictures, coco.labels, depths)
 
 
@@ -84,28 +84,3 @@ def _depth_file(depth: Depth) -> tuple[bytes, str]:
 def _write(path: Path, data: bytes) -> None:
     path.parent.mkdir(exist_ok=True)
     path.write_bytes(data)
-
-
-def rig_text(rig: Rig) -> str:
-    """A rig as rig.toml; every number as it is, so that reading it back gives the same rig."""
-    parts = [_camera_text("left", rig.left), _camera_text("right", rig.right)]
-    parts.append(
-        f"[stereo]\ntranslation_m = {rig.translation_m.tolist()}\n"
-        f"rotation = {rig.rotation.tolist()}\n"
-    )
-    if rig.rangefinder is not None:
-        beam = rig.rangefinder
-        parts.append(
-            f"[rangefinder]\norigin_m = {beam.origin_m.tolist()}\n"
-            f"direction = {beam.direction.tolist()}\nstd_m = {beam.std_m!r}\n"
-        )
-    return "\n".join(parts)
-
-
-def _camera_text(side: str, camera: Camera) -> str:
-    (fx, _, cx), (_, fy, cy), _ = camera.matrix.tolist()
-    return (
-        f"[{side}]\nsize_px = {list(camera.size_px)}\nfocal_px = [{fx!r}, {fy!r}]\n"
-        f'centre_px = [{cx!r}, {cy!r}]\nlens = "{camera.lens}"\n'
-        f"distortion = {camera.distortion.tolist()}\n"
-    )

@@ -11,16 +11,9 @@ from recorder.errors import PomologError
 from recorder.imports.bag_messages import BagCalibration, BagTransform
 from recorder.one_view import one_view_rig
 from recorder.rig import LENS_COEFFICIENTS, Camera, Floats, LensModel, Rangefinder, Rig
+from recorder.rig_formats.ros import MODELS
 
-_LENSES: Final[dict[str, LensModel]] = {
-    "": "plumb_bob",
-    "none": "plumb_bob",
-    "plumb_bob": "plumb_bob",
-    "rational_polynomial": "rational_polynomial",
-    "equidistant": "kannala_brandt",
-    "fisheye": "kannala_brandt",
-    "kannala_brandt": "kannala_brandt",
-}
+_LENSES: Final[dict[str, LensModel]] = {"": "plumb_bob", "none": "plumb_bob", **MODELS}
 _LARGEST: Final = 1e9  # of anything in a calibration; a lens' coefficients may reach thousands
 RANGE_STD_M: Final = 0.001  # rig.toml's default; no message carries the instrument's own
 

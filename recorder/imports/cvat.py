@@ -50,7 +50,7 @@ def _parse(path: Path) -> ET.Element:
         raise PomologError(f"{path} defines entities, which no XML of CVAT does")
     try:
         root = ET.fromstring(text)  # without entities there is no bomb
-    except ET.ParseError as error:
+    except (ET.ParseError, LookupError, ValueError) as error:  # also an unknown encoding
         raise PomologError(f"{path} is not XML: {error}") from None
     if root.tag != "annotations" or not (root.findall("image") or root.findall("track")):
         raise PomologError(f"{path} has no images and no tracks; export it as CVAT 1.1")

@@ -184,10 +184,10 @@ def read_circles(path: Path) -> tuple[PictureLabels, ...]:
     root = path.parent if path.is_file() else path
     pictures: dict[str, list[Shape]] = {}
     for file in files:
-        rows = list(csv.reader(io.StringIO(_text(file))))
+        rows = _cells(file)
         if not rows:
             raise PomologError(f"{file} is empty; its first line must name the columns")
-        head = [word.strip().lstrip("#").lower() for word in rows[0]]
+        head = [word.lstrip("#").lower() for word in rows[0]]
         if not any(set(columns) <= set(head) for columns in _COLUMNS):
             raise PomologError(f"{file}: its columns are {', '.join(head)[:80]}; {_WANTED}")
         own = file.relative_to(root).with_suffix("").as_posix()
@@ -197,13 +197,22 @@ def read_circles(path: Path) -> tuple[PictureLabels, ...]:
             if not any(row):
                 continue
             where = f"{file}, line {number}"
-            cells = dict(zip(head, (cell.strip() for cell in row), strict=False))
+            cells = dict(zip(head, row, strict=False))
             name = cells.get("image", own)
             shapes = pictures.setdefault(name, [])
             if "image" in head and not any(cells.get(key) for key in ("radius", "dx")):
                 continue  # a picture that has none
             shapes.append(_circle_shape(cells, where))
     return tuple(PictureLabels(name, tuple(shapes)) for name, shapes in pictures.items())
+
+
+def _cells(path: Path) -> list[list[str]]:
+    """The rows of a CSV, their cells on one line each."""
+    try:
+        rows = list(csv.reader(io.StringIO(_text(path))))
+    except csv.Error as error:
+        raise PomologError(f"{path} is no CSV: {error}") from None
+    return [[" ".join(cell.split()) for cell in row] for row in rows]
 
 
 def _circle_shape(cells: Mapping[str, str], where: str) -> Shape:
