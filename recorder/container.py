@@ -41,6 +41,7 @@ from recorder.mcap_records import (
     SALVAGE,
     Limits,
     RawMessage,
+    loose_messages,
     open_mcap,
     parse_chunk,
     read_record,
@@ -149,7 +150,16 @@ class Container:
             PomologError: a chunk is damaged or too large, or messages are missing.
         """
         with self._reporting("reading messages"):
-            yield from self._messages(topics, start_ns, stop_ns)
+            if self._chunk_indexes or not self.statistics.message_count:
+                yield from self._messages(topics, start_ns, stop_ns)
+                return
+            wanted = {i for i, c in self.channels.items() if topics is None or c.topic in topics}
+            counts = self.statistics.channel_message_counts
+            expected = {i: counts.get(i, 0) for i in wanted}
+            for message in loose_messages(self._stream, self._summary_start, expected, self.limits):
+                late = stop_ns is not None and message.log_time >= stop_ns
+                if not late and (start_ns is None or message.log_time >= start_ns):
+                    yield self._raw(message)
 
     def _messages(
         self, topics: Collection[str] | None, start_ns: int | None, stop_ns: int | None

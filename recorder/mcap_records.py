@@ -8,18 +8,22 @@ the parsing of a single record is left to the library. Format: https://mcap.dev/
 import io
 import struct
 import zlib
-from collections.abc import Iterator
+from array import array
+from collections import Counter
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import BinaryIO, Final
 
 import lz4.frame
+import numpy as np
 import zstandard
 from google.protobuf.message import DecodeError
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
-from mcap.records import Chunk, McapRecord
+from mcap.opcode import Opcode
+from mcap.records import Chunk, McapRecord, Message
 from mcap.stream_reader import breakup_chunk
 
 from recorder.errors import PomologError, TornFileError
@@ -27,6 +31,7 @@ from recorder.errors import PomologError, TornFileError
 MAGIC: Final = bytes((137, 77, 67, 65, 80, 48, 13, 10))
 RECORD_PREFIX: Final = struct.Struct("<BQ")  # opcode, length: before every record
 CHUNK_PREFIX: Final = struct.Struct("<QQQII")  # times, size, CRC, length of the compression's name
+_MESSAGE_HEAD: Final = struct.Struct("<HIQQ")  # channel, sequence, log and publish time
 
 # What the parsers raise on damaged bytes, found by mutating good files; OSError is a seek to an
 # absurd place, or a disk that fails.
@@ -176,3 +181,43 @@ def parse_chunk(body: bytes) -> Chunk:
     if CHUNK_PREFIX.size + name_bytes + 8 + len(chunk.data) != len(body):
         raise McapError("a chunk record's lengths do not add up")
     return chunk
+
+
+def loose_messages(
+    stream: BinaryIO, end: int, expected: Mapping[int, int], limits: Limits = DEFAULT_LIMITS
+) -> Iterator[Message]:
+    """The messages of a file without chunks (rosbag2's `fastwrite`), in the order of their times.
+
+    Args:
+        stream: the file.
+        end: where its data end.
+        expected: how many messages each wanted channel has.
+        limits: bound each record; 16 bytes a message are held.
+
+    Raises:
+        McapError, EOFError, struct.error: the file is damaged, or messages are missing.
+    """
+    times, places = array("Q"), array("Q")
+    seen: Counter[int] = Counter()
+    stream.seek(len(MAGIC))
+    while (place := stream.tell()) < end:
+        opcode, body = read_record(stream, limits)
+        if opcode != Opcode.MESSAGE:
+            continue
+        channel_id, _, log_ns, _ = _MESSAGE_HEAD.unpack_from(body)
+        if channel_id in expected:
+            seen[channel_id] += 1
+            times.append(log_ns)
+            places.append(place)
+    for channel_id, count in expected.items():
+        if seen[channel_id] != count:
+            raise McapError(f"{seen[channel_id]} messages of a channel, {count} counted")
+    for number in np.argsort(np.array(times), kind="stable").tolist():
+        stream.seek(places[number])
+        _, body = read_record(stream, limits)
+        channel_id, sequence, log_ns, publish_ns = _MESSAGE_HEAD.unpack_from(body)
+        data = body[_MESSAGE_HEAD.size :]
+        yield Message(
+            channel_id=channel_id, data=data, log_time=log_ns, publish_time=publish_ns,
+            sequence=sequence,
+        )  # fmt: skip

@@ -9,6 +9,7 @@ import numpy.typing as npt
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from mcap.opcode import Opcode
 from mcap.writer import CompressionType, Writer
 from rosbags.typesys import Stores
 from typer.testing import CliRunner
@@ -23,7 +24,7 @@ from recorder.rig import parallel_rig
 from recorder.session import Session
 from recorder.session_writer import SessionWriter
 from tests.bags import FORWARD, START_NS, Ros, foxglove_bag, small_picture, stereo_bag
-from tests.builders import DATA, SECOND_NS, encoded, session_file
+from tests.builders import DATA, SECOND_NS, changed, encoded, record, session_file
 from tests.real_parts import missing
 
 MS = 1_000_000
@@ -621,6 +622,28 @@ def test_a_split_bag_is_one_recording(tmp_path: Path) -> None:
         (file,) = ros.write().glob("*.mcap")
         file.rename(both / f"both_{number}.mcap")
     assert imported(both, tmp_path / "s.mcap").pairs == 2
+
+
+def test_a_bag_without_chunks_is_read_in_the_order_of_time(tmp_path: Path) -> None:
+    # rosbag2's preset `fastwrite`; messages here stand in the wrong order
+    bag = Bag(stereo_bag(tmp_path, 3).write())
+    with (tmp_path / "loose.mcap").open("wb") as stream:
+        writer = Writer(stream, use_chunking=False)
+        writer.start("ros2")
+        for message in reversed(list(bag.messages(tuple(bag.topics)))):
+            topic = bag.topics[message.topic]
+            schema_id = writer.register_schema(topic.schema, "ros2msg", b"")
+            channel = writer.register_channel(topic.name, "cdr", schema_id)
+            writer.add_message(channel, message.log_ns, message.data, message.log_ns)
+        writer.finish()
+    loose = Bag(tmp_path / "loose.mcap")
+    times = [message.log_ns for message in loose.messages(tuple(loose.topics))]
+    assert times == sorted(times)
+    assert len(times) == sum(topic.count for topic in bag.topics.values())
+    assert imported(tmp_path / "loose.mcap", tmp_path / "s.mcap").pairs == 3
+    for number, opcode in ((1, b"\x7f"), (4, b"\x7f")):  # a record of no known kind
+        at = record(tmp_path / "loose.mcap", Opcode.MESSAGE, number).start
+        assert "counted" in refusal(changed(tmp_path / "loose.mcap", at, opcode))
 
 
 def test_a_writer_refuses_depth_of_another_size(tmp_path: Path) -> None:
