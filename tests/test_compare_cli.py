@@ -70,6 +70,9 @@ def test_a_run_against_itself_shows_no_difference(command: Command, tmp_path: Pa
     verdicts = {one["verdict"] for one in said.json["measures"].values()}
     assert verdicts == {"no difference shown"}
     assert said.json["fruit"]["gained"] == said.json["fruit"]["lost"] == 0
+    frames = read_table(out / "row", "frames").to_pylist()
+    false = sum(row["fruit_fp"] for row in frames)
+    assert said.json["false_circles"] == {"a": false, "b": false}
     assert "the same run" in command("compare", out, out).out
 
 
@@ -235,6 +238,8 @@ def test_a_description_without_what_compare_needs_is_one_line(
     path = a / "row/run.json"
     about = json.loads(path.read_text())
     path.write_text(json.dumps({**about, "session": json.loads(text)}))
+    assert_one_line(command("compare", a, a), "run.json is damaged")
+    path.write_text(json.dumps({**about, "locator": {"circles": 5}}))
     assert_one_line(command("compare", a, a), "run.json is damaged")
 
 

@@ -36,7 +36,7 @@ def comparison(
     sides = Sides(side("A", 0), side("B", 1), ("row",), ())
     from processor.compare.changes import Tally
 
-    return Comparison(sides, "pair", 50, (one,), Tally(), (), None, (40.0, 60.0), ())
+    return Comparison(sides, "pair", 50, (one,), Tally(), (), None, None, (40.0, 60.0), ())
 
 
 def checked(rule: Rule, found: Comparison, *, unsure: bool = False) -> Checked:

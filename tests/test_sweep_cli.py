@@ -180,12 +180,17 @@ def test_a_sweep_without_truth_keeps_its_rows_and_says_why_it_chose_none(
     assert pq.read_table(out / "sweep.parquet").num_rows == 24
 
 
-def test_bad_words_are_one_line_and_write_nothing(command: Command, tmp_path: Path) -> None:
+def test_bad_words_are_one_line_and_write_nothing(
+    command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     row, out = session(tmp_path), tmp_path / "out"
     assert_one_line(command("sweep", row, "--vary", "circles.round=5", "-o", out), "'round'")
     assert_one_line(
         command("sweep", row, *VARY, "-o", out, "--measure", "beauty"), "'beauty'", "fruit_f1"
     )
+    with monkeypatch.context() as patch:
+        patch.setattr("processor.sweep.sweep.MOST_ROWS", 5 * 6 - 1)
+        assert_one_line(command("sweep", row, *VARY, "-o", out), "5 settings of 6 pairs")
     assert_one_line(command("sweep", tmp_path / "no.mcap", *VARY, "-o", out), "no.mcap")
     assert_one_line(command("sweep", row, tmp_path / "x" / ".." / "row.mcap", *VARY, "-o", out))
     assert command("sweep", *VARY, "-o", out).code == 2

@@ -44,6 +44,7 @@ class Comparison:
         changes: fruit by fruit.
         by_seed: the same from A's first run to its second: what the seed alone changes; None with
             one run.
+        false: circles where no fruit is, of A and B (means over repeats); None: nobody can know.
         time_ms: the median time to locate, of A and B.
         notes: what a reader must know, a sentence each.
     """
@@ -55,6 +56,7 @@ class Comparison:
     tally: Tally
     changes: tuple[Change, ...]
     by_seed: Tally | None
+    false: tuple[float, float] | None
     time_ms: tuple[float, float]
     notes: tuple[str, ...]
 
@@ -102,6 +104,7 @@ def compare(
         tally=total,
         changes=tuple(kept),
         by_seed=by_seed if len(sides.a.repeats) > 1 else None,
+        false=_false(pictures),
         time_ms=(float(np.median(pictures.time_ms[0])), float(np.median(pictures.time_ms[1]))),
         notes=tuple(_notes(sides, pictures, judged, unit, seed)),
     )
@@ -165,6 +168,11 @@ def _together(parts: Sequence[Pictures]) -> Pictures:
             np.concatenate([part.time_ms[1] for part in parts]),
         ),
     )
+
+
+def _false(pictures: Pictures) -> tuple[float, float] | None:
+    both = [float(np.sum(side["fruit_fp"])) for side in (pictures.a, pictures.b)]
+    return (both[0], both[1]) if np.isfinite(both).all() else None
 
 
 def _equal(one: Judged) -> Judged:

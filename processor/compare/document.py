@@ -25,6 +25,7 @@ def as_document(comparison: Comparison, checked: Sequence[Checked] | None) -> di
         "measures": {one.measure.name: _measure_document(one) for one in c.judged},
         "fruit": asdict(c.tally),
         "fruit_by_seed": None if c.by_seed is None else asdict(c.by_seed),
+        "false_circles": None if c.false is None else {"a": c.false[0], "b": c.false[1]},
         "time_ms": {"a": c.time_ms[0], "b": c.time_ms[1]},
         "notes": list(c.notes),
         "gate": None if checked is None else {

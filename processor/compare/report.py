@@ -132,6 +132,8 @@ def _fruit(c: Comparison) -> Iterator[str]:
     yield "## Fruit"
     yield ""
     yield f"{_tally(c.tally)}."
+    if c.false is not None:
+        yield f"Circles where no fruit is: {c.false[0]:.0f} in A, {c.false[1]:.0f} in B."
     if c.by_seed is not None:
         yield f"By the seed alone, from A's first run to its second: {_tally(c.by_seed)}."
     largest = _most_changed(c.changes)

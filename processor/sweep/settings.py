@@ -11,7 +11,7 @@ from processor.locate import Locator
 from processor.methods import STAGES, changed, describe
 from recorder.errors import PomologError
 
-MOST_SETTINGS: Final = 10_000  # of a sweep; each is counted on every picture
+MOST_SETTINGS: Final = 2_000  # of a sweep; each is counted on every picture
 
 
 @dataclass(frozen=True, slots=True)

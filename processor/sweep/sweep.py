@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from processor.experiments.material import Source
 from processor.experiments.work import Tick
@@ -16,7 +16,10 @@ from processor.sweep.report import as_document, as_markdown, as_page
 from processor.sweep.run import run
 from processor.sweep.settings import Setting
 from processor.sweep.splits import Splits
+from recorder.errors import PomologError
 from recorder.files import only_writer, replacing, writable, write_text
+
+MOST_ROWS: Final = 1_000_000  # they are held in memory together: a kilobyte or two each
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,8 +61,14 @@ def sweep(
         tick: called with the number of pairs that are done.
 
     Raises:
-        PomologError: a session is damaged, or `out` cannot be written.
+        PomologError: too many rows, a session is damaged, or `out` cannot be written.
     """
+    pairs = sum(source.total for source in sources)
+    if len(settings) * pairs > MOST_ROWS:
+        raise PomologError(
+            f"{len(settings):,} settings of {pairs:,} pairs are more than {MOST_ROWS:,} rows; vary "
+            "less at once, or give fewer sessions"
+        )
     with writable(out):
         out.mkdir(parents=True, exist_ok=True)
     with only_writer(out):
