@@ -54,15 +54,25 @@ def test_a_file_says_limits_and_what_becomes_of_doubt(tmp_path: Path) -> None:
     assert load_gate(path) == Gate(rules, pass_when_unsure=True)
 
 
+def test_a_file_may_say_what_matters(tmp_path: Path) -> None:
+    path = tmp_path / "gate.toml"
+    path.write_text("[distance_rmse_mm]\nmatters = 2\nmax = 15\n[fruit_recall]\nmatters = 0.02")
+    found = load_gate(path)
+    assert found.rules == (Rule("distance_rmse_mm", "max", 15),)
+    assert found.matters == pytest.approx({"distance_rmse_mm": 0.002, "fruit_recall": 0.02})
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
         ("[fruit_recal]\nmin = 0.8", ["fruit_recal", "fruit_recall", "distance_rmse_mm"]),
-        ("[fruit_recall]\nleast = 0.8", ["'least'", "min, max, not_worse_by"]),
+        ("[fruit_recall]\nleast = 0.8", ["'least'", "min, max, not_worse_by, matters"]),
         ("[fruit_recall]\nmin = 85", ["85 % is written 0.85"]),
         ("[fruit_recall]\nmin = 'high'", ["'high'", "no number"]),
         ("[fruit_recall]\nmin = true", ["True", "no number"]),
         ("[fruit_recall]\nmin = nan", ["nan", "no number"]),
+        (f"[distance_rmse_mm]\nmin = 1{'0' * 400}", ["no number"]),
+        ("[fruit_recall]\nmatters = 0", ["more than 0"]),
         ("[distance_rmse_mm]\nnot_worse_by = -1", ["negative"]),
         ("[time_ms]\nnot_worse_by = 1", ["min, max"]),
         ("fruit_recall = 0.8", ["[fruit_recall]"]),

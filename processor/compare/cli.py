@@ -52,7 +52,10 @@ def compare(
         raise typer.BadParameter("pair or session", param_hint="--unit")
     limits = None if gate is None else load_gate(gate)
     found = hold(
-        open_sides(a, b), unit="pair" if unit == "pair" else "session", moved_m=moved_mm / 1e3
+        open_sides(a, b),
+        unit="pair" if unit == "pair" else "session",
+        moved_m=moved_mm / 1e3,
+        matters={} if limits is None else limits.matters,
     )
     checked = None if limits is None else check(limits, found)
     report = as_markdown(found, checked or ())

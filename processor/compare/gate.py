@@ -9,10 +9,9 @@ max = 15
 not_worse_by = 1
 """
 
-import math
 import tomllib
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
@@ -22,9 +21,12 @@ from processor.measures import MEASURES, Measure
 from processor.paired import units_needed
 from recorder.errors import PomologError
 
-RULES: Final = ("min", "max", "not_worse_by")
+LIMITS: Final = ("min", "max")
+RULES: Final = (*LIMITS, "not_worse_by")
+MATTERS: Final = "matters"
 TIME: Final = "time_ms"  # judged by limits alone: a machine's load is no property of a method
 UNSURE: Final = "when_unsure"
+LARGEST: Final = 1e12
 UNSURE_WORDS: Final = ("fail", "pass")
 
 
@@ -39,10 +41,17 @@ class Rule:
 
 @dataclass(frozen=True, slots=True)
 class Gate:
-    """The limits of a file, and what becomes of those that the data cannot decide."""
+    """The limits of a file.
+
+    Attributes:
+        rules: in their order.
+        pass_when_unsure: what becomes of a rule that the data cannot decide.
+        matters: measure -> smallest difference of interest, in the measure's own unit.
+    """
 
     rules: tuple[Rule, ...]
     pass_when_unsure: bool = False
+    matters: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,38 +88,46 @@ def load_gate(path: Path) -> Gate:
         raise PomologError(f"cannot read gate {path}: {error.strerror}") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise PomologError(f"{path} is not TOML: {error}") from None
-    rules = tuple(_rules(path, table))
+    values = tuple(_values(path, table))
+    rules = tuple(value for value in values if value.kind != MATTERS)
+    matters = {v.measure: v.limit / MEASURES[v.measure].written for v in values if v not in rules}
     unsure = table.get(UNSURE, "fail")
     if unsure not in UNSURE_WORDS:
         raise PomologError(f"{path}: {UNSURE} = {unsure!r}; choose {' or '.join(UNSURE_WORDS)}")
     if not rules:
-        raise PomologError(f"{path} has no limit; give one, such as: [fruit_recall] min = 85")
-    return Gate(rules, unsure == "pass")
+        raise PomologError(f"{path} has no limit; give one, such as: [fruit_recall] min = 0.85")
+    return Gate(rules, unsure == "pass", matters)
 
 
-def _rules(path: Path, table: Mapping[str, Any]) -> Iterator[Rule]:
+def _values(path: Path, table: Mapping[str, Any]) -> Iterator[Rule]:
     for name, limits in table.items():
         if name == UNSURE:
             continue
-        known = [UNSURE, *MEASURES, TIME]
-        if name not in known:
-            raise PomologError(f"{path}: no measure {name!r}; there are {', '.join(known[1:])}")
+        if name not in MEASURES and name != TIME:
+            known = ", ".join((*MEASURES, TIME, UNSURE))
+            raise PomologError(f"{path}: no measure {name!r}; there are {known}")
         if not isinstance(limits, Mapping):
             raise PomologError(f"{path}: {name} must be a table: [{name}], then min, max, ...")
-        kinds = RULES[:2] if name == TIME else RULES
+        kinds = LIMITS if name == TIME else (*RULES, MATTERS)
         for kind, limit in limits.items():
             if kind not in kinds:
                 raise PomologError(f"{path}: [{name}] has no {kind!r}; it has {', '.join(kinds)}")
-            number = isinstance(limit, int | float) and not isinstance(limit, bool)
-            if not number or not math.isfinite(limit):
-                raise PomologError(f"{path}: [{name}] {kind} = {limit!r} is no number")
-            if kind == "not_worse_by" and limit < 0:
-                raise PomologError(f"{path}: [{name}] {kind} = {limit} is negative")
-            if name in MEASURES and MEASURES[name].is_rate and not 0 <= limit <= 1:
-                raise PomologError(
-                    f"{path}: [{name}] {kind} = {limit} is no share; 85 % is written 0.85"
-                )
-            yield Rule(name, kind, float(limit))
+            yield Rule(
+                name, kind, _number(f"{path}: [{name}] {kind} = {limit!r}", name, kind, limit)
+            )
+
+
+def _number(said: str, name: str, kind: str, limit: Any) -> float:
+    number = isinstance(limit, int | float) and not isinstance(limit, bool)
+    if not number or not abs(limit) < LARGEST:
+        raise PomologError(f"{said} is no number to work with")
+    if kind == "not_worse_by" and limit < 0:
+        raise PomologError(f"{said} is negative")
+    if kind == MATTERS and limit <= 0:
+        raise PomologError(f"{said} must be more than 0: no data could show less")
+    if name in MEASURES and MEASURES[name].is_rate and not 0 <= limit <= 1:
+        raise PomologError(f"{said} is no share; 85 % is written 0.85")
+    return float(limit)
 
 
 def check(gate: Gate, comparison: Comparison) -> list[Checked]:
