@@ -91,8 +91,9 @@ def test_lone_fruit_have_no_place_to_lose() -> None:
 
 
 def test_distances_without_truth_are_of_fruit_that_both_located() -> None:
-    a = results([located(100, z_m=0.8), located(300, z_m=5.0), located(100, frame=1)], frames=2)
-    b = results([located(100, z_m=0.9), located(100, z_m=1.0, frame=1)], frames=2)
+    far, further = located(300, z_m=2.9), located(300, z_m=3.1)
+    a = results([located(100, z_m=0.8), located(500), far, located(100, frame=1)], frames=2)
+    b = results([located(100, z_m=0.9), further, located(100, z_m=1.0, frame=1)], frames=2)
     ours, theirs = distance_sums(a, b)
     assert ours["errors"].tolist() == theirs["errors"].tolist() == [1, 1]
     assert ours["distance_m"].tolist() == [0.8, 0.8]

@@ -21,6 +21,7 @@ from recorder.records import SIDES
 What = Literal["gained", "lost", "moved"]
 
 MOVED_M: Final = 0.005  # a gripper forgives more; less is what a second run of random rings does
+FURTHEST_M: Final = 3.0  # of a row that is driven along; what is beyond belongs to the next one
 _KIND: Final = {(True, False): "lost", (False, True): "gained"}
 
 
@@ -207,14 +208,21 @@ def _tally(
 
 
 def distance_sums(a: Results, b: Results) -> tuple[dict[str, Floats], dict[str, Floats]]:
-    """Sums of the distances of apples that both located, where there is no truth to pair by."""
+    """Sums of the distances of apples that both located, where there is no truth to pair by.
+
+    Fruit that either of them has beyond `FURTHEST_M` are left out: a pixel moves those by
+    decimetres, and one of them would outweigh a row of near ones.
+    """
     place = places_of(a)
     values: list[list[tuple[int, float]]] = [[], []]
     for frame, (ours, theirs) in _located_by_frame(a, b).items():
         for i, j in paired_apples(ours, theirs):
-            for number, row in enumerate((ours[i], theirs[j])):
-                distance = math.hypot(row["x_m"], row["y_m"], row["z_m"])
-                values[number].append((frame, distance))
+            both = [
+                math.hypot(*(row[f"{axis}_m"] for axis in "xyz")) for row in (ours[i], theirs[j])
+            ]
+            if max(both) <= FURTHEST_M:
+                for known, distance in zip(values, both, strict=True):
+                    known.append((frame, distance))
     count = tally(place, ((frame, 1.0) for frame, _ in values[0]))
     first, second = ({"errors": count, "distance_m": tally(place, v)} for v in values)
     return first, second

@@ -9,6 +9,7 @@ max = 15
 not_worse_by = 1
 """
 
+import math
 import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -154,9 +155,10 @@ def _check(rule: Rule, gate: Gate, judged: Judged | None, comparison: Comparison
 def _limit(rule: Rule, value: float, measure: Measure | None) -> Checked:
     size = abs(value) if measure and measure.better == "nearer zero" else value
     passed = size >= rule.limit if rule.kind == "min" else size <= rule.limit
-    word, verb = ("least" if rule.kind == "min" else "most"), ("is" if passed else "is not")
     digits, unit = _form(measure)
-    line = f"{rule.measure} = {value:.{digits}f}{unit}, {verb} at {word} {rule.limit:g}{unit}"
+    limit = f"{rule.limit:g}{unit}"
+    asked = f"at least {limit} is asked" if rule.kind == "min" else f"at most {limit} is allowed"
+    line = f"{rule.measure} = {value:.{digits}f}{unit}; {asked}"
     return Checked(rule, passed, False, line)
 
 
@@ -178,10 +180,12 @@ def _not_worse(rule: Rule, gate: Gate, judged: Judged, comparison: Comparison) -
     line = f"{rule.measure} is {word} by {abs(worse):.{digits}f}{unit}"
     allowed = f"{rule.limit:g}{unit} is allowed"
     if comparison.sides.same or high <= rule.limit:
-        return Checked(rule, True, False, f"{line}, at most {max(high, 0):.{digits}f}; {allowed}")
+        most = f"worse by {max(high, 0):.{digits}f} at most"
+        return Checked(rule, True, False, f"{line} ({most}); {allowed}")
     if low > rule.limit:
-        return Checked(rule, False, False, f"{line}, at least {low:.{digits}f}; {allowed}")
-    line = f"{line}, but may be worse by {high:.{digits}f}; {allowed}: too little data to say"
+        return Checked(rule, False, False, f"{line} (by {low:.{digits}f} at least); {allowed}")
+    may = f"may be worse by {high:.{digits}f}" if math.isfinite(high) else "may be worse"
+    line = f"{line}, but {may}; {allowed}: too little data to say"
     if found.std and rule.limit:
         needed = units_needed(found.std, rule.limit / measure.written)
         line += f", {unit_words(comparison.unit, needed)} would do"

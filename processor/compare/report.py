@@ -67,9 +67,10 @@ def _measures(c: Comparison) -> Iterator[str]:
                  "not judged: it is the machine's too"])  # fmt: skip
     yield from table(heads, rows, left=(0, 7))
     yield ""
-    matters = ", ".join(
-        f"{points(one.matters, one.measure)} {one.measure.name}" for one in c.judged
-    )
+    groups: dict[str, list[str]] = {}
+    for one in c.judged:
+        groups.setdefault(points(one.matters, one.measure), []).append(one.measure.name)
+    matters = "; ".join(f"{size} of {', '.join(names)}" for size, names in groups.items())
     yield (
         f"What matters at least: {matters}. Verdicts: paired t-tests over {c.unit}s, corrected by "
         'Holm, at 5 %; "no difference shown" where the 90 % interval lies within what matters.'
