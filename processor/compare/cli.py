@@ -24,8 +24,8 @@ def _compare() -> None:
     epilog="Example: pomolog compare results/main results/new --gate gate.toml --junit g.xml"
 )
 def compare(
-    a: Annotated[str, typer.Argument(metavar="A", help="Results: the reference.")],
-    b: Annotated[str, typer.Argument(metavar="B", help="Results: the candidate. A1,A2: repeats.")],
+    a: Annotated[str, typer.Argument(metavar="A", help="Results: the reference; A1,A2: repeats.")],
+    b: Annotated[str, typer.Argument(metavar="B", help="Results: the candidate; B1,B2: repeats.")],
     gate: Annotated[Path | None, typer.Option(help="Limits (TOML) that B must keep.")] = None,
     unit: Annotated[str, typer.Option(help="What is independent: pair, or session.")] = "pair",
     moved_mm: Annotated[float, typer.Option(min=0, help="Fruit further apart moved.")] = 5.0,

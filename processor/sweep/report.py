@@ -32,9 +32,16 @@ def summary(found: Found, splits: Splits) -> list[str]:
         low, high = (f"{end * m.scale:+.{m.digits}f}" for end in one.interval95)
         lines.append(
             f"Against the method as it was, on test: {points(one.change, m, '+')} "
-            f"({low} to {high}): {found.on_test.verdict}."
+            f"({low} to {high}; {_p(found.on_test.p_holm)}): {found.on_test.verdict}."
         )
     return lines
+
+
+def _p(value: float | None) -> str:
+    """The p-value, which the verdict goes by; the interval is for the eye."""
+    if value is None:
+        return "too few pairs for a test"
+    return "p < 0.001" if value < 0.001 else f"p = {value:.3f}"
 
 
 def _words(setting: Setting) -> str:
