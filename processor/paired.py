@@ -41,6 +41,7 @@ class Difference:
         worsening90: the same at 90 %.
         std: of one unit's contribution to the change; None with one unit.
         p: of the paired t-test over units that the change is zero; None with one unit.
+        identical: every picture's sums are the same on both sides.
     """
 
     a: float
@@ -54,6 +55,7 @@ class Difference:
     worsening90: Interval
     std: float | None
     p: float | None
+    identical: bool = False
 
 
 def differences(
@@ -79,7 +81,14 @@ def differences(
     """
     tables = {m.name: _table(m, a, b, unit_of) for m in measures}
     drawn = _drawn(measures, tables, rng, draws)
-    return {m.name: _difference(m, tables[m.name], drawn[m.name]) for m in measures}
+    return {
+        m.name: _difference(m, tables[m.name], drawn[m.name], identical=_identical(m, a, b))
+        for m in measures
+    }
+
+
+def _identical(measure: Measure, a: Sums, b: Sums) -> bool:
+    return all(np.array_equal(a[name], b[name], equal_nan=True) for name in measure.sums)
 
 
 def _table(measure: Measure, a: Sums, b: Sums, unit_of: Places) -> Floats:
@@ -110,7 +119,9 @@ def _drawn(
     return {name: np.concatenate(values) for name, values in found.items()}
 
 
-def _difference(measure: Measure, table: Floats, drawn: Floats) -> Difference | None:
+def _difference(
+    measure: Measure, table: Floats, drawn: Floats, *, identical: bool
+) -> Difference | None:
     counted = table[(table != 0).any(axis=(1, 2))]
     a, b = map(float, measure.value(table.sum(axis=0)))
     if not np.isfinite([a, b]).all():
@@ -134,6 +145,7 @@ def _difference(measure: Measure, table: Floats, drawn: Floats) -> Difference | 
         worsening90=_interval(worsening, worse, units, 2 * LEVEL, floor),
         std=std,
         p=None if error is None else _p(b - a, max(error, floor), units),
+        identical=identical,
     )
 
 

@@ -76,6 +76,18 @@ def test_a_run_against_itself_shows_no_difference(command: Command, tmp_path: Pa
     assert "the same run" in command("compare", out, out).out
 
 
+def test_a_change_of_the_code_that_changes_no_result_passes_a_gate(
+    command: Command, tmp_path: Path
+) -> None:
+    out, gate = replayed(tmp_path, "a"), tmp_path / "gate.toml"
+    gate.write_text("[fruit_recall]\nnot_worse_by = 0.001\n[distance_rmse_mm]\nnot_worse_by = 0")
+    said = command("compare", out, edited(out, "tidied", "truth", dict), "--gate", gate, "--json")
+    assert said.code == 0
+    assert not said.json["same_run"]
+    assert {one["verdict"] for one in said.json["measures"].values()} == {"no difference shown"}
+    assert any("in every picture" in note for note in said.json["notes"])
+
+
 def test_another_seed_of_one_method_is_no_better_and_no_worse(
     command: Command, tmp_path: Path
 ) -> None:

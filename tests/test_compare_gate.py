@@ -1,5 +1,6 @@
 """Gates: what a file may say, what passes, and what the data cannot decide."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -139,6 +140,16 @@ def test_not_worse_by_wants_proof(
     assert checked(rule, comparison("fruit_recall", worsening, half), unsure=True).passed is (
         passed or unsure
     )
+
+
+def test_what_is_the_same_in_every_picture_is_not_worse() -> None:
+    found = comparison("fruit_recall", 0.0, 0.1)
+    (one,) = found.judged
+    assert one.difference is not None
+    same = replace(one, difference=replace(one.difference, identical=True))
+    rule = Rule("fruit_recall", "not_worse_by", 0.005)
+    assert not checked(rule, found).passed
+    assert checked(rule, replace(found, judged=(same,))).passed
 
 
 def test_a_measure_without_truth_fails_and_says_so() -> None:

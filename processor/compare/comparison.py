@@ -94,7 +94,7 @@ def compare(
     pictures = _together(parts)
     measures = WITH_TRUTH if pictures.has_truth else WITHOUT_TRUTH
     judged = judge_pictures(pictures, measures, unit, matters or {}, seed)
-    if sides.same:  # there is nothing that more data could show
+    if sides.same or _identical(judged):
         judged = [_equal(one) for one in judged]
     return Comparison(
         sides=sides,
@@ -175,6 +175,12 @@ def _false(pictures: Pictures) -> tuple[float, float] | None:
     return (both[0], both[1]) if np.isfinite(both).all() else None
 
 
+def _identical(judged: Sequence[Judged]) -> bool:
+    """Whether no measure differs in any picture: a change of the code that changes no result."""
+    known = [one.difference for one in judged if one.difference is not None]
+    return bool(known) and all(one.identical for one in known)
+
+
 def _equal(one: Judged) -> Judged:
     return one if one.difference is None else replace(one, verdict="no difference shown")
 
@@ -215,6 +221,8 @@ def _notes(
 ) -> Iterable[str]:
     if sides.same:
         yield "A and B are the same run: one method, one seed, one version, the same pictures."
+    elif _identical(judged):
+        yield "Every measure is the same on both sides in every picture."
     if sides.left_out:
         yield (
             f"Left out, because not every run has them: {', '.join(sides.left_out)}. "

@@ -179,7 +179,9 @@ def _not_worse(rule: Rule, gate: Gate, judged: Judged, comparison: Comparison) -
     word = "changed" if measure.better == "unknown" else "worse" if worse > 0 else "better"
     line = f"{rule.measure} is {word} by {abs(worse):.{digits}f}{unit}"
     allowed = f"{rule.limit:g}{unit} is allowed"
-    if comparison.sides.same or high <= rule.limit:
+    if found.identical:
+        return Checked(rule, True, False, f"{rule.measure} is the same in every picture")
+    if high <= rule.limit:
         most = f"worse by {max(high, 0):.{digits}f} at most"
         return Checked(rule, True, False, f"{line} ({most}); {allowed}")
     if low > rule.limit:
