@@ -328,7 +328,7 @@ def test_a_worker_that_is_killed_is_one_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     session = tiny_session(tmp_path / "row.mcap", 2)
-    monkeypatch.setattr(module, "_end_with_parent", os.abort)
+    monkeypatch.setattr("processor.pool._end_with_parent", os.abort)
     (error,) = replay([session], tmp_path / "out", TINY, workers=2)
     assert isinstance(error, PomologError)
     assert "--workers" in str(error)
