@@ -7,6 +7,7 @@ from typing import Any, Final
 import cv2
 import numpy as np
 
+from recorder.calibrate.beam import BeamFit
 from recorder.calibrate.choose import Choice, choose
 from recorder.calibrate.fit import Fit
 from recorder.calibrate.lens import LensName, turning_point
@@ -15,7 +16,7 @@ from recorder.calibrate.trust import Trust, trust
 from recorder.calibrate.views import Sighting, why_not
 from recorder.records import SIDES, Side
 from recorder.rectify import rectify
-from recorder.rig import Floats, Rangefinder, Rig
+from recorder.rig import Floats, Rig
 
 FEW_VIEWS: Final = 8
 COVERED: Final = 0.6  # of the picture's cells should have corners
@@ -34,6 +35,7 @@ class Calibration:
     Attributes:
         rejected: name of a view -> why it was not used.
         warnings: what is suspicious, a sentence each.
+        beam: the rangefinder, where it was asked for.
     """
 
     rig: Rig
@@ -43,15 +45,16 @@ class Calibration:
     trust: Trust
     rejected: Mapping[str, str]
     warnings: tuple[str, ...]
+    beam: BeamFit | None = None
 
     @property
     def fit(self) -> Fit:
         """The lens model that was taken."""
         return self.choice.fit
 
-    def with_rangefinder(self, rangefinder: Rangefinder | None) -> "Calibration":
+    def with_beam(self, beam: BeamFit) -> "Calibration":
         """The same with a rangefinder in the rig."""
-        return replace(self, rig=replace(self.rig, rangefinder=rangefinder))
+        return replace(self, rig=replace(self.rig, rangefinder=beam.rangefinder), beam=beam)
 
     def as_json(self) -> dict[str, Any]:
         """What `calibrate --json` prints."""
@@ -87,6 +90,7 @@ class Calibration:
                 for one in self.trust.errors
             ],
             "warnings": list(self.warnings),
+            **({"rangefinder": self.beam.as_json()} if self.beam else {}),
         }
 
 

@@ -1,12 +1,14 @@
 """`pomolog calibrate` and `pomolog rig`: words into calls, results into lines."""
 
 import json
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 if TYPE_CHECKING:
+    from recorder.calibrate.beam import BeamFit
     from recorder.calibrate.calibration import Calibration
 
 app = typer.Typer(
@@ -40,12 +42,12 @@ def calibrate(
         ),
     ],
     board: Annotated[
-        str,
+        str | None,
         typer.Option(
             help="chessboard:9x6:25mm (inner corners, square) or charuco:31x16:49.33mm:38.46mm"
             "[:4x4_250] (squares, square, marker, dictionary)."
         ),
-    ],
+    ] = None,
     out: Annotated[
         Path | None,
         typer.Option(
@@ -58,6 +60,14 @@ def calibrate(
     report: Annotated[
         Path | None, typer.Option(help="An HTML page of all that was measured.")
     ] = None,
+    rangefinder: Annotated[
+        bool,
+        typer.Option(
+            "--rangefinder",
+            help="Also find the beam, by a session's readings on the board; without --board, by "
+            "its readings on known apples.",
+        ),
+    ] = False,
     views: Annotated[
         int, typer.Option(min=3, help="Look at so many pairs at most, evenly spread.")
     ] = 100,
@@ -67,22 +77,35 @@ def calibrate(
 
     Show the board in 10 to 20 positions: near and far, tilted, in every corner of both pictures.
     """
-    from recorder.calibrate.board import parse_board
+    from recorder.calibrate.beam import fit_beam
+    from recorder.calibrate.board import FORM, parse_board
     from recorder.calibrate.calibration import calibrate as run
     from recorder.calibrate.lens import as_lens
+    from recorder.calibrate.readings import known_beam, readings_on_board
     from recorder.calibrate.report import write_report
     from recorder.calibrate.sources import source_of
     from recorder.calibrate.views import sight
+    from recorder.errors import PomologError
     from recorder.progress import progress
     from recorder.rig_files import format_of, write_rig
 
+    if board is None and rangefinder:
+        _beam_by_apples(pictures, out, as_json=as_json)
+        return
+    if board is None:
+        raise PomologError(f"no board; give --board {FORM}")
     wanted, model = parse_board(board), as_lens(lens)
     if out is not None:
         format_of(out)  # a wrong name is told before the work, not after it
     source = source_of(pictures, views)
+    if rangefinder and source.session is None:
+        raise PomologError("--rangefinder needs a session with readings, not pictures alone")
     with progress("finding the board", len(source.chosen)) as tick:
         sighting = sight(wanted, source, tick)
     found = run(sighting, model)
+    if source.session is not None and rangefinder:
+        readings = readings_on_board(source.session, found.fit)
+        found = found.with_beam(fit_beam(readings, known_beam(source.session)))
     for line in found.warnings:
         typer.echo(f"warning: {line}", err=True)
     written = write_rig(found.rig, out) if out else ()
@@ -126,6 +149,46 @@ def _tell(found: "Calibration") -> None:
         f"{error.range_m * 1e3:.0f} mm: {error.calibration_m * 1e3:.1f}" for error in trust.errors
     )
     print(f"  distance error to expect of the calibration alone, mm: {errors}")
+    if found.beam:
+        print(_beam_line(found.beam))
+
+
+def _beam_line(beam: "BeamFit") -> str:
+    """A rangefinder in a line."""
+    place = ", ".join(
+        f"{1e3 * value:.1f} ± {1e3 * std:.1f}"
+        for value, std in zip(beam.rangefinder.origin_m, beam.origin_std_m, strict=True)
+    )
+    aim = ", ".join(f"{value:.4f}" for value in beam.rangefinder.direction)
+    return (
+        f"  rangefinder ({beam.estimated} estimated): origin {place} mm, direction {aim} ± "
+        f"{math.degrees(beam.angle_std_rad):.2f} degrees; {beam.used} readings off by "
+        f"{1e3 * beam.rms_m:.1f} mm, {len(beam.left_out)} met something else"
+    )
+
+
+def _beam_by_apples(pictures: list[Path], out: Path | None, *, as_json: bool) -> None:
+    """Find the beam of a labelled session, whose cameras stay as they are."""
+    from dataclasses import replace
+
+    from recorder.calibrate.beam import fit_beam
+    from recorder.calibrate.readings import readings_on_apples
+    from recorder.errors import PomologError
+    from recorder.rig_files import write_rig
+    from recorder.session import Session
+
+    if len(pictures) != 1 or pictures[0].suffix.lower() != ".mcap":
+        raise PomologError("--rangefinder without --board needs one labelled session (.mcap)")
+    with Session(pictures[0]) as session:
+        rig = session.rig
+    beam = fit_beam(readings_on_apples(pictures[0]), rig.rangefinder)
+    written = write_rig(replace(rig, rangefinder=beam.rangefinder), out) if out else ()
+    if as_json:
+        print(json.dumps({"rangefinder": beam.as_json()}, indent=2))
+        return
+    print(_beam_line(beam))
+    for path in written:
+        print(path)
 
 
 @rigs.callback()

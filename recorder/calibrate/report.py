@@ -61,7 +61,7 @@ def write_report(found: Calibration, path: Path) -> None:
 
 def page(found: Calibration) -> str:
     """The whole page."""
-    sections = (_head, _numbers, _coverage, _residuals, _views, _rows, _spacings, _errors)
+    sections = (_head, _numbers, _beam, _coverage, _residuals, _views, _rows, _spacings, _errors)
     body = "\n".join(line for section in sections for line in section(found))
     return (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
@@ -106,6 +106,25 @@ def _numbers(found: Calibration) -> Iterator[str]:
     yield (
         f"<p>From left to right: {x:.2f}, {y:.2f}, {z:.2f} mm and {turn_deg:.2f} degrees. "
         "± are standard deviations: every view was left out in turn and all fitted again.</p>"
+    )
+
+
+def _beam(found: Calibration) -> Iterator[str]:
+    if found.beam is None:
+        return
+    beam = found.beam.rangefinder
+    yield "<h2>The rangefinder</h2>"
+    rows = [
+        [axis, f"{1e3 * beam.origin_m[i]:.1f} ± {1e3 * found.beam.origin_std_m[i]:.1f}",
+         f"{beam.direction[i]:+.5f}"]
+        for i, axis in enumerate(("x, right", "y, down", "z, forward"))
+    ]  # fmt: skip
+    yield _table(["left camera's frame", "origin, mm", "direction"], rows)
+    yield (
+        f"<p>Estimated: {found.beam.estimated}, the direction to "
+        f"{np.rad2deg(found.beam.angle_std_rad):.2f} degrees. {found.beam.used} readings are off "
+        f"by {1e3 * found.beam.rms_m:.1f} mm (rms); {len(found.beam.left_out)} met "
+        "something else.</p>"
     )
 
 
