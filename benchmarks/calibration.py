@@ -47,8 +47,7 @@ def tree_rows_px(folder: Path) -> Floats:
     rig = load_rig(folder / "rig_opencv.yaml")
     parallel = rectify(rig)
     greys = [
-        cv2.imread(str(folder / f"{name}_colour.png"), cv2.IMREAD_GRAYSCALE)
-        for name in (LEFT, RIGHT)
+        _picture(folder / f"{name}_colour.png", cv2.IMREAD_GRAYSCALE) for name in (LEFT, RIGHT)
     ]
     finder = cv2.SIFT.create(nfeatures=6000)
     (lefts, a), (rights, b) = (finder.detectAndCompute(grey, None) for grey in greys)
@@ -56,7 +55,7 @@ def tree_rows_px(folder: Path) -> Floats:
     both = [(m.queryIdx, m.trainIdx) for m in _ratio(a, b) if (m.queryIdx, m.trainIdx) in back]
     left_px = np.array([lefts[q].pt for q, _ in both])
     right_px = np.array([rights[t].pt for _, t in both])
-    depth_mm = cv2.imread(str(folder / f"{LEFT}_depth_mm.png"), cv2.IMREAD_UNCHANGED)
+    depth_mm = _picture(folder / f"{LEFT}_depth_mm.png", cv2.IMREAD_UNCHANGED)
     x, y = np.rint(left_px).astype(int).T
     z_m = depth_mm[y, x] / 1e3
     seen, other = parallel.left.to_rectified(left_px), parallel.right.to_rectified(right_px)
@@ -70,6 +69,12 @@ def tree_rows_px(folder: Path) -> Floats:
     )
     kept = np.flatnonzero(near)[np.asarray(agreeing).ravel() > 0]
     return np.asarray(other[kept, 1] - seen[kept, 1], float)
+
+
+def _picture(path: Path, flags: int) -> cv2.typing.MatLike:
+    picture = cv2.imread(str(path), flags)
+    assert picture is not None, path
+    return picture
 
 
 def _ratio(queries: cv2.typing.MatLike, trains: cv2.typing.MatLike) -> list[cv2.DMatch]:

@@ -113,7 +113,7 @@ def ticks(start: float, end: float, count: int = 6) -> list[float]:
     power = 10.0 ** np.floor(np.log10(rough))
     step = float(min((s for s in (1, 2, 5, 10) if s * power >= rough), default=10) * power)
     values = np.arange(np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9) + 1) * step
-    return [float(round(value, 10)) for value in values]
+    return [float(round(value, 10)) + 0.0 for value in values]  # no -0
 
 
 def bars(rows: Sequence[tuple[str, float, bool]], unit: str, width: int = 640) -> str:

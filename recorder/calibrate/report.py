@@ -32,6 +32,7 @@ h2 { font-size: 1.25rem; margin: 2.4rem 0 .3rem; padding-top: .9rem;
 p { margin: .5rem 0; max-width: 46rem; } .soft { color: var(--soft); font-size: .9rem; }
 .warning { background: var(--card); border-left: 4px solid var(--warn); padding: .5rem .9rem; }
 .two { display: grid; grid-template-columns: repeat(auto-fit, minmax(20rem, 1fr)); gap: 1rem; }
+.scroll { overflow-x: auto; }
 figure { margin: .8rem 0; } figcaption { color: var(--soft); font-size: .88rem; }
 table { border-collapse: collapse; margin: .8rem 0; font: .86rem/1.4 Arial, "DejaVu Sans",
   sans-serif; font-variant-numeric: tabular-nums; }
@@ -289,4 +290,4 @@ def _table(heads: Sequence[str], rows: Sequence[Sequence[str]], *, words: bool =
     body = "".join(
         "<tr>" + "".join(f"<td{kind}>{escape(cell)}</td>" for cell in row) + "</tr>" for row in rows
     )
-    return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+    return f"<div class='scroll'><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>"
