@@ -58,7 +58,7 @@ def tree_rows_px(folder: Path) -> Floats:
     depth_mm = _picture(folder / f"{LEFT}_depth_mm.png", cv2.IMREAD_UNCHANGED)
     x, y = np.rint(left_px).astype(int).T
     z_m = depth_mm[y, x] / 1e3
-    seen, other = parallel.left.to_rectified(left_px), parallel.right.to_rectified(right_px)
+    seen, other = parallel.left.from_recorded(left_px), parallel.right.from_recorded(right_px)
     shift_px = parallel.right.matrix[0, 2] - parallel.left.matrix[0, 2]
     disparity_px = seen[:, 0] - other[:, 0] + shift_px
     with np.errstate(divide="ignore"):

@@ -145,9 +145,7 @@ def frames(
     ] = None,
     rig: Annotated[
         Path | None,
-        typer.Option(
-            help="rig.toml, OpenCV YAML, ROS pair or Kalibr camchain; two views need it."
-        ),
+        typer.Option(help="rig.toml, OpenCV YAML, ROS pair or Kalibr camchain; two views need it."),
     ] = None,
     rate: Annotated[float, typer.Option(min=1e-3, max=1e4, help="Pairs a second.")] = 1.0,
     lighting: Annotated[

@@ -48,27 +48,12 @@ class View:
         rays = cv2.convertPointsToHomogeneous(points_px)[:, 0, :] @ np.linalg.inv(self.matrix).T
         return to_pixels(self.camera, rays @ self.rotation)  # rows: R^T applied to each ray
 
-    def to_rectified(self, points_px: Floats) -> Floats:
+    def from_recorded(self, points_px: Floats) -> Floats:
         """Map (N, 2) recorded pixels to rectified pixels; nan where the lens shows nothing."""
         if self.maps is None or len(points_px) == 0:
             return points_px
         rays = to_rays(self.camera, points_px) @ self.rotation.T
         return rays[:, :2] / rays[:, 2:] * self.matrix[[0, 1], [0, 1]] + self.matrix[:2, 2]
-
-    def from_recorded(self, points_px: Floats) -> Floats:
-        """Map (N, 2) recorded pixels to rectified pixels: the way back of `to_recorded`."""
-        if self.maps is None or len(points_px) == 0:
-            return points_px
-        undistort = (
-            cv2.fisheye.undistortPoints
-            if self.camera.lens == "kannala_brandt"
-            else cv2.undistortPoints
-        )
-        mapped = undistort(
-            points_px[:, None, :], self.camera.matrix, self.camera.distortion, R=self.rotation,
-            P=self.matrix,
-        )  # fmt: skip
-        return cast("Floats", mapped.reshape(-1, 2))
 
     def circles_from_recorded(self, circles: CircleArray) -> CircleArray:
         """Map recorded circles to rectified ones, as `circles_to_recorded` does the other way."""

@@ -85,8 +85,8 @@ def measure(board: Board, fitted: Fit, rectification: Rectification) -> Measures
 
 def _of_view(board: Board, view: BoardView, rectification: Rectification) -> tuple[Floats, Floats]:
     ids, left_px, right_px = view.left.shared(view.right)
-    left = rectification.left.to_rectified(left_px)
-    right = rectification.right.to_rectified(right_px)
+    left = rectification.left.from_recorded(left_px)
+    right = rectification.right.from_recorded(right_px)
     seen = np.isfinite(left).all(axis=1) & np.isfinite(right).all(axis=1)
     ids, left, right = ids[seen], left[seen], right[seen]
     rows = np.column_stack([left, right[:, 1] - left[:, 1]])
