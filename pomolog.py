@@ -19,8 +19,8 @@ class Command(NamedTuple):
 
 COMMANDS: Final[dict[str, Command]] = {
     "record": Command("recorder.cli", "record cameras and a rangefinder in the field"),
-    "import": Command("recorder.cli", "make a session from pictures, or from a bag"),
-    "label": Command("recorder.cli", "give a session truth: masks, boxes, circles, apples"),
+    "import": Command("recorder.imports.cli", "make a session from pictures, or from a bag"),
+    "label": Command("recorder.imports.cli", "give a session truth: masks, boxes, circles, apples"),
     "calibrate": Command("recorder.calibrate.cli", "make a rig of pictures of a board"),
     "rig": Command("recorder.calibrate.cli", "convert calibrations: ours, OpenCV, ROS, Kalibr"),
     "simulate": Command("recorder.cli", "make a session in the digital orchard"),

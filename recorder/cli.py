@@ -20,13 +20,6 @@ app = typer.Typer(
     add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )  # fmt: skip
-imports = typer.Typer(no_args_is_help=True)
-app.add_typer(
-    imports,
-    name="import",
-    help="Make a session from pictures or recordings of others.",
-    epilog="Example: pomolog import frames left/ right/ --rig rig.toml -o S.mcap",
-)
 
 SessionArgument = Annotated[Path, typer.Argument(metavar="S", help="A session (.mcap).")]
 Output = Annotated[Path, typer.Option("--out", "-o", help="The session to write.")]

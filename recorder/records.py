@@ -63,8 +63,8 @@ class Depth:
 
     def metres(self) -> npt.NDArray[np.float64]:
         """(H, W) float64 along the optical axis; NaN where nothing was seen."""
-        kind, unit_m = ("<u2", 1e-3) if self.encoding == "16UC1" else ("<f4", 1.0)
-        depth = np.frombuffer(self.data, kind).reshape(self.size_px[::-1]).astype(float) * unit_m
+        kind, steps = ("<u2", 1000) if self.encoding == "16UC1" else ("<f4", 1)
+        depth = np.frombuffer(self.data, kind).reshape(self.size_px[::-1]).astype(float) / steps
         depth[~(np.isfinite(depth) & (depth > 0))] = np.nan
         return depth
 

@@ -14,11 +14,11 @@ from mcap.writer import CompressionType, Writer
 from rosbags.typesys import Stores
 from typer.testing import CliRunner
 
-from recorder.cli import app
 from recorder.errors import PomologError
 from recorder.imports.bag import Bag
 from recorder.imports.bag_roles import Roles, assign_roles
 from recorder.imports.bag_session import Imported, import_bag
+from recorder.imports.cli import app
 from recorder.pictures import decode
 from recorder.rig import parallel_rig
 from recorder.session import Session

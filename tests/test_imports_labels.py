@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 from PIL import Image
 from typer.testing import CliRunner
 
-from recorder.cli import app
 from recorder.errors import PomologError
+from recorder.imports.cli import app
 from recorder.imports.frames import import_frames, picture_pairs, single_pictures
 from recorder.imports.labels import READERS, LabelTruth
 from recorder.imports.masks import label_session

@@ -166,6 +166,8 @@ def _plan(
     if tolerance_ns is not None:
         about["max_skew_ns"] = str(tolerance_ns)
     found = rig or _bag_rig(bag, roles, remarks, about)
+    if rig and roles.range and rig.rangefinder is None:
+        remarks.append("readings are kept, but the given rig has no [rangefinder] to place them")
     raw = _first_image(bag, roles.left).size_px is not None
     clock = times or _clock(bag, roles, remarks)
     return _Plan(bag, roles, found, clock, offsets_ns, about, raw, remarks)

@@ -83,8 +83,9 @@ class LabelTruth:
         shapes = [shape for picture in kept for shape in picture.shapes]
         self._partial = partial
         self._pixels = all(shape.has_pixels for shape in shapes)
-        self._shared = bool(shapes) and all(shape.id for shape in shapes if not shape.uncounted)
-        if not self._shared and any(shape.id for shape in shapes):
+        numbered = bool(shapes) and all(shape.id for shape in shapes if not shape.uncounted)
+        self._shared = numbered or session.one_view  # a view alone has nobody to share with
+        if not numbered and any(shape.id for shape in shapes):
             raise PomologError(
                 "some labels have an apple's number and some have none; "
                 "give all of them numbers, the same in both views, or none"

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Protocol, cast
 
@@ -157,6 +158,8 @@ def label_session(
                 lefts.remove(message.log_ns)
                 pair = next(pairs)
                 truth = labels.truth(pair)
+                if truth and session.one_view:  # its numbers are of one view, whoever gave them
+                    truth = replace(truth, shared=True)
                 for topic, encoded in encode_truth(pair.time_ns, truth) if truth else ():
                     writer.write(topic, pair.time_ns, encoded.SerializeToString())
                 tick()
