@@ -49,6 +49,7 @@ KEEPERS = {
         "recorder.rig_formats.ours",
         "recorder.equipment",
         "recorder.imports.coco",
+        "recorder.imports.json_files",
         "recorder.imports.masks",
         "recorder.orchard.scene",
         "processor.methods",

@@ -1,6 +1,5 @@
 """COCO's JSON: polygons, run lengths and boxes by picture."""
 
-import json
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -8,6 +7,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from recorder.errors import PomologError
+from recorder.imports.json_files import read_json, wrong_entry
 from recorder.imports.shapes import PictureLabels, Shape, mask_of_runs, unpack_runs
 from recorder.pictures import MAX_SIDE_PX
 from recorder.records import OutlineKind
@@ -90,17 +90,9 @@ def read_coco(path: Path) -> tuple[PictureLabels, ...]:
 
 def _parse(path: Path) -> _File:
     try:
-        return _File.model_validate(json.loads(path.read_text(encoding="utf-8")))
-    except OSError as error:
-        raise PomologError(f"cannot read {path}: {error.strerror}") from None
-    except (json.JSONDecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise PomologError(f"{path} is not JSON: {error}") from None
+        return _File.model_validate(read_json(path))
     except ValidationError as error:
-        first = error.errors()[0]
-        place = ", ".join(map(str, first["loc"]))
-        raise PomologError(
-            f"{path}, entry ({place}): {first['msg']}; is it COCO (images, annotations)?"
-        ) from None
+        raise wrong_entry(path, error, "is it COCO (images, annotations)?") from None
 
 
 def _shape(annotation: _Annotation, category: str, where: str) -> Shape:

@@ -3,7 +3,6 @@
 import base64
 import csv
 import io
-import json
 import math
 import zlib
 from collections.abc import Mapping
@@ -15,6 +14,7 @@ import numpy as np
 
 from recorder.errors import PomologError
 from recorder.imports.coco import whole_number
+from recorder.imports.json_files import read_json, read_text
 from recorder.imports.shapes import Mask, PictureLabels, Shape, circle
 from recorder.pictures import MAX_SIDE_PX, identify, verify
 
@@ -32,7 +32,7 @@ def read_labelme(folder: Path) -> tuple[PictureLabels, ...]:
     """
     found = []
     for path in _files(folder, ".json"):
-        content = _json(path)
+        content = read_json(path)
         try:
             size_px = (int(content["imageWidth"]), int(content["imageHeight"]))
             shapes = tuple(_labelme_shape(s, f"{path}, shape {n}")
@@ -78,7 +78,7 @@ def read_supervisely(folder: Path) -> tuple[PictureLabels, ...]:
     for path in _files(folder, ".json"):
         if path.name in ("meta.json", "key_id_map.json"):
             continue
-        content = _json(path)
+        content = read_json(path)
         try:
             size_px = (int(content["size"]["width"]), int(content["size"]["height"]))
             shapes = tuple(_supervisely_shape(s, f"{path}, object {n}")
@@ -118,14 +118,14 @@ def read_yolo(folder: Path) -> tuple[PictureLabels, ...]:
         PomologError: there are none, or a line is none of theirs.
     """
     names = next(
-        (_text(p).split() for n in ("classes.txt", "obj.names") for p in folder.rglob(n)), []
+        (read_text(p).split() for n in ("classes.txt", "obj.names") for p in folder.rglob(n)), []
     )
     found = []
     for path in _files(folder, ".txt"):
         if path.name.lower() in _NO_PICTURES:
             continue
         shapes = []
-        for number, line in enumerate(_text(path).splitlines(), start=1):
+        for number, line in enumerate(read_text(path).splitlines(), start=1):
             if not line.strip():
                 continue
             where = f"{path}, line {number}"
@@ -209,7 +209,7 @@ def read_circles(path: Path) -> tuple[PictureLabels, ...]:
 def _cells(path: Path) -> list[list[str]]:
     """The rows of a CSV, their cells on one line each."""
     try:
-        rows = list(csv.reader(io.StringIO(_text(path))))
+        rows = list(csv.reader(io.StringIO(read_text(path))))
     except csv.Error as error:
         raise PomologError(f"{path} is no CSV: {error}") from None
     return [[" ".join(cell.split()) for cell in row] for row in rows]
@@ -241,22 +241,6 @@ def _files(folder: Path, suffix: str) -> list[Path]:
     if not found:
         raise PomologError(f"no {suffix} files in {folder}; is it the right folder?")
     return found
-
-
-def _text(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8-sig")
-    except OSError as error:
-        raise PomologError(f"cannot read {path}: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise PomologError(f"{path} is no text; is it a label file?") from None
-
-
-def _json(path: Path) -> Any:
-    try:
-        return json.loads(_text(path))
-    except (json.JSONDecodeError, RecursionError) as error:
-        raise PomologError(f"{path} is not JSON: {error}") from None
 
 
 def _no_format(path: Path, tool: str, error: Exception) -> PomologError:

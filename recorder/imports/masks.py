@@ -1,6 +1,5 @@
 """Truth from pictures: a folder of masks, and a list of apples, -> a labelled session."""
 
-import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -13,6 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 from recorder.errors import PomologError
 from recorder.files import replacing
 from recorder.imports.frames import pictures_in
+from recorder.imports.json_files import read_json, wrong_entry
 from recorder.message_writer import MessageWriter
 from recorder.pictures import identify, verify
 from recorder.profile import TRUTH_TOPICS
@@ -172,18 +172,10 @@ def label_session(
 
 def _read_apples(path: Path) -> tuple[tuple[AppleTruth, ...], ...]:
     try:
-        entries = _APPLES.validate_python(json.loads(path.read_text(encoding="utf-8")))
-    except OSError as error:
-        raise PomologError(f"cannot read {path}: {error.strerror}") from None
-    except (json.JSONDecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise PomologError(f"{path} is not JSON: {error}") from None
+        entries = _APPLES.validate_python(read_json(path))
     except ValidationError as error:
-        first = error.errors()[0]
-        place = ", ".join(map(str, first["loc"]))
-        raise PomologError(
-            f"{path}, entry ({place}): {first['msg']}; it must be a list with one list of apples "
-            "a frame"
-        ) from None
+        wanted = "it must be a list with one list of apples a frame"
+        raise wrong_entry(path, error, wanted) from None
     frames = tuple(tuple(apple.truth() for apple in frame) for frame in entries)
     for number, frame in enumerate(frames):
         if len({apple.id for apple in frame}) < len(frame):

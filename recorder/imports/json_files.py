@@ -1,0 +1,42 @@
+"""JSON files of others: read, and what is wrong with one told in a line."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from recorder.errors import PomologError
+
+
+def read_text(path: Path, kind: str = "a label file") -> str:
+    """A text file, with a byte order mark or without.
+
+    Raises:
+        PomologError: it cannot be read, or is no text.
+    """
+    try:
+        return path.read_text(encoding="utf-8-sig")
+    except OSError as error:
+        raise PomologError(f"cannot read {path}: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise PomologError(f"{path} is not {kind}: it is no text") from None
+
+
+def read_json(path: Path) -> Any:
+    """What a JSON file holds.
+
+    Raises:
+        PomologError: it cannot be read, or is not JSON.
+    """
+    try:
+        return json.loads(read_text(path, "JSON"))
+    except (json.JSONDecodeError, RecursionError) as error:
+        raise PomologError(f"{path} is not JSON: {error}") from None
+
+
+def wrong_entry(path: Path, error: ValidationError, wanted: str) -> PomologError:
+    """The first entry of a file that is not as wanted."""
+    first = error.errors()[0]
+    place = ", ".join(map(str, first["loc"]))
+    return PomologError(f"{path}, entry ({place}): {first['msg']}; {wanted}")
