@@ -17,6 +17,7 @@ from mcap_ros2.writer import Writer
 _HEADER: Final = "std_msgs/Header header\n"
 
 MESSAGES: Final[dict[str, str]] = {
+    "builtin_interfaces/Time": "int32 sec\nuint32 nanosec",
     "std_msgs/Header": "builtin_interfaces/Time stamp\nstring frame_id",
     "std_msgs/String": "string data",
     "sensor_msgs/Image": _HEADER

@@ -26,6 +26,7 @@ from recorder.session import Session
 from recorder.session_writer import SessionWriter
 from recorder.status import FrameStamp
 from tests.builders import DISTORTIONS, SECOND_NS, content, frame, real_rig, rig, session_file
+from tests.test_profile import rerun_columns
 
 SIZE_PX = (64, 48)
 
@@ -172,6 +173,25 @@ def test_another_reader_finds_the_values_of_the_session(tmp_path: Path) -> None:
     depth = found["/depth"][0][1]
     assert depth.encoding == "16UC1"
     assert json.loads(found["/pomolog/notes"][0][1].data)["message"] == "lighting=back"
+
+
+def test_rerun_opens_the_bag_natively(tmp_path: Path) -> None:
+    columns = rerun_columns(exported(rich_session(tmp_path, "jpeg"), tmp_path / "ros.mcap"))
+    for side in ("left", "right"):
+        assert "EncodedImage:blob" in columns[f"/{side}/image_raw/compressed"]
+        assert "Pinhole:image_from_camera" in columns[f"/{side}/camera_info"]
+    assert "Transform3D:quaternion" in columns["/tf_static"]
+    assert {"DepthImage:buffer", "DepthImage:format"} <= columns["/depth"]
+
+
+def test_times_after_2038_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "late.mcap"
+    with SessionWriter.create(path, rig()) as writer:
+        for side in ("left", "right"):
+            writer.write_frame(replace(frame(time_ns=2**31 * SECOND_NS), side=side))
+    with pytest.raises(PomologError, match="later than 2038"):
+        exported(path, tmp_path / "ros.mcap")
+    assert not list(tmp_path.glob("ros*"))
 
 
 def test_a_folder_is_a_bag_as_rosbag2_makes_it(tmp_path: Path) -> None:

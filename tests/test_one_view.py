@@ -25,6 +25,7 @@ from recorder.session_writer import SessionWriter
 from tests.builders import SECOND_NS, frame, picture_folders, records_in, torn
 from tests.scenes import TINY, apple, draw, tiny_rig
 from tests.scenes import encoded as drawn
+from tests.test_profile import rerun_columns
 
 SIZE_PX = (64, 48)
 
@@ -56,6 +57,11 @@ def test_a_session_of_one_view_reads_with_a_black_right_one(tmp_path: Path) -> N
         assert pair.right.size_px == pair.left.size_px
         assert pair.depth is not None
         assert (pair.depth.metres() == (1000 + index) / 1000).all()
+
+
+def test_rerun_opens_depth_natively(tmp_path: Path) -> None:
+    columns = rerun_columns(one_view(tmp_path))
+    assert {"Image:buffer", "Image:format"} <= columns["/depth"]
 
 
 def test_depth_belongs_to_the_picture_of_its_moment_only(tmp_path: Path) -> None:

@@ -22,6 +22,7 @@ from recorder.ros2 import BagWriter
 from recorder.session import Session
 
 _LENSES: Final = {"kannala_brandt": "equidistant"}  # ROS's names, where they differ
+_LAST_S: Final = 2**31 - 1  # of ROS's times
 _INFRARED: Final = 1  # sensor_msgs/Range: a laser is the nearer of its two kinds of radiation
 _SPOT_RAD: Final = 0.001  # about what a laser's beam is wide
 
@@ -132,6 +133,8 @@ def _transform(child: str, origin_m: Floats, turn: Floats, time_ns: int) -> dict
 
 def _header(frame_id: str, time_ns: int) -> dict[str, Any]:
     seconds, nanos = divmod(time_ns, 1_000_000_000)
+    if seconds > _LAST_S:
+        raise PomologError(f"a message at {time_ns} ns is later than 2038, which ROS cannot say")
     return {"stamp": {"sec": seconds, "nanosec": nanos}, "frame_id": frame_id}
 
 
