@@ -3,20 +3,20 @@
 `recorder.profile` says what lies in it; `recorder.container` reads the file and trusts nothing.
 """
 
-from bisect import bisect_left
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Self
 
 import numpy as np
 import numpy.typing as npt
 
+from recorder.assembly import READING_WINDOW_NS, Assembly
 from recorder.container import Container
 from recorder.errors import PomologError
 from recorder.mcap_records import DEFAULT_LIMITS, Limits, RawMessage, reporting_damage
 from recorder.message_writer import metadata_crc
-from recorder.one_view import ONE_VIEW, black_frame
+from recorder.one_view import ONE_VIEW
 from recorder.pairing import pair_by_time
 from recorder.profile import (
     IMAGE_TOPICS,
@@ -24,9 +24,7 @@ from recorder.profile import (
     RAW_IMAGE_SCHEMA,
     RIG_TOPICS,
     TOPICS,
-    TRUTH_TOPICS,
     decode_depth,
-    decode_frame,
     decode_note,
     decode_reading,
     decode_rig,
@@ -35,8 +33,6 @@ from recorder.profile import (
 from recorder.records import (
     SIDES,
     Depth,
-    Frame,
-    FrameTruth,
     Note,
     RangeReading,
     Side,
@@ -49,10 +45,8 @@ from recorder.status import (
     decode_stamp,
     decode_status,
 )
-from recorder.truth_messages import decode_labels, decode_truth
 
 DEFAULT_MAX_SKEW_NS: Final = 5_000_000  # at 300 mm/s a skew of 5 ms costs 7.5 mm at 1 m
-READING_WINDOW_NS: Final = 500_000_000  # a reading further away than this belongs to no pair
 
 # metadata that says how the file is made, not what was recorded
 NOT_CONDITIONS: Final = frozenset((
@@ -226,85 +220,17 @@ class Session:
             int(times[stop - 1].max()) + READING_WINDOW_NS + 1,
         )  # fmt: skip
         with reporting_damage(self.path, "reading its messages"):
-            yield from self._assemble(times, start, stop, window)
-
-    def _assemble(
-        self,
-        times: npt.NDArray[np.int64],
-        start: int,
-        stop: int,
-        window: tuple[int | None, int | None],
-    ) -> Iterator[StereoPair]:
-        """Gather each pair's messages as they pass; a pair is whole once its window is over."""
-        topics = {*IMAGE_TOPICS.values(), *TRUTH_TOPICS, "/rangefinder", "/depth"}
-        pair_of = {
-            (topic, int(times[i, column])): i
-            for column, known in enumerate(
-                ((IMAGE_TOPICS["left"], *TRUTH_TOPICS), (IMAGE_TOPICS["right"],))
-            )  # the left frame's time names the pair, so all of its truth has that time
-            for topic in known
-            for i in range(start, stop)
-        }
-        lefts = times[:, 0].tolist()
-        found: dict[int, dict[str, RawMessage]] = {}
-        readings: dict[int, list[RangeReading]] = {}
-        due = start
-        indexed = {IMAGE_TOPICS[side]: set(self._image_times[side].tolist()) for side in SIDES}
-        for message in self._container.messages(topics, *window):
-            if message.log_ns not in indexed.get(message.topic, (message.log_ns,)):
-                raise ValueError(f"a {message.topic} that is not indexed")  # no CRC covers that
-            while due < stop and message.log_ns > int(times[due].max()) + READING_WINDOW_NS:
-                yield self._pair(due, found.pop(due, {}), readings.pop(due, []))
-                due += 1
-            if message.topic == "/rangefinder":
-                nearest = _nearest_place(lefts, message.log_ns)
-                if abs(lefts[nearest] - message.log_ns) <= READING_WINDOW_NS:
-                    readings.setdefault(nearest, []).append(decode_reading(message))
-                continue
-            if message.topic == "/depth":
-                self._place_depth(message, lefts, found)
-                continue
-            index = pair_of.get((message.topic, message.log_ns))
-            if index is not None:
-                found.setdefault(index, {}).setdefault(message.topic, message)
-        for index in range(due, stop):
-            yield self._pair(index, found.pop(index, {}), readings.pop(index, []))
-
-    def _place_depth(
-        self, message: RawMessage, lefts: Sequence[int], found: dict[int, dict[str, RawMessage]]
-    ) -> None:
-        """Give a depth picture to the pair of its moment, if none is nearer."""
-        index = _nearest_place(lefts, message.log_ns)
-        held = found.setdefault(index, {}).get("/depth")
-        gaps_ns = [abs(lefts[index] - m.log_ns) for m in (message, held) if m is not None]
-        if gaps_ns[0] <= self.max_skew_ns and gaps_ns[0] == min(gaps_ns):
-            found[index]["/depth"] = message
-
-    def _pair(
-        self, index: int, found: Mapping[str, RawMessage], readings: Sequence[RangeReading]
-    ) -> StereoPair:
-        sides = SIDES[:1] if self.one_view else SIDES
-        missing = [IMAGE_TOPICS[side] for side in sides if IMAGE_TOPICS[side] not in found]
-        if missing:
-            raise PomologError(
-                f"{self.path} is damaged (its index has a {missing[0]} for pair {index} that is "
-                f"not there); try: pomolog salvage {self.path} -o whole.mcap"
+            assembly = Assembly(
+                self.path,
+                self._container,
+                self.rig,
+                times,
+                {IMAGE_TOPICS[side]: set(self._image_times[side].tolist()) for side in SIDES},
+                self.one_view,
+                self.max_skew_ns,
+                self._conditions,
             )
-        left = self._frame("left", found["/left/image"], index)
-        right = (
-            black_frame(left)
-            if self.one_view
-            else self._frame("right", found["/right/image"], index)
-        )
-        return StereoPair(
-            index,
-            left,
-            right,
-            tuple(readings),
-            self._truth(found),
-            self._conditions(left.time_ns),
-            decode_depth(found["/depth"]) if "/depth" in found else None,
-        )
+            yield from assembly.pairs(start, stop, window)
 
     def _conditions(self, time_ns: int) -> dict[str, str]:
         """What the metadata says of the session, and the notes since then."""
@@ -314,33 +240,6 @@ class Session:
             ]
         said = {k: v for k, v in self.metadata.items() if k not in NOT_CONDITIONS}
         return said | dict(pair for set_ns, pair in self._set_by_notes if set_ns <= time_ns)
-
-    def _frame(self, side: Side, message: RawMessage, index: int) -> Frame:
-        frame = decode_frame(side, message, self.schema(message.topic))
-        wanted = self.rig.camera(side).size_px
-        if frame.size_px != wanted:
-            raise PomologError(
-                f"the {side} picture of pair {index} in {self.path} is {frame.size_px[0]} x "
-                f"{frame.size_px[1]} px, its calibration {wanted[0]} x {wanted[1]}; "
-                "import it again with the right --rig"
-            )
-        return frame
-
-    def _truth(self, found: Mapping[str, RawMessage]) -> FrameTruth | None:
-        if not any(topic in found for topic in TRUTH_TOPICS):
-            return None
-        left, right = (
-            decode_labels(found[topic], self.rig.camera(side).size_px) if topic in found else None
-            for side in SIDES
-            for topic in (f"/truth/{side}",)
-        )
-        if "/truth/apples" not in found:
-            return FrameTruth(left, right)
-        truth = decode_truth(found["/truth/apples"], left, right)
-        if self.one_view and truth.apples:  # there is no right view in which they could be seen
-            unseen = tuple(replace(apple, right_visible=0.0) for apple in truth.apples)
-            return replace(truth, apples=unseen)
-        return truth
 
     def readings(self) -> Iterator[RangeReading]:
         """Every answer of the rangefinder, near a pair or not."""
@@ -431,12 +330,6 @@ def read_info(path: Path) -> SessionInfo:
     """What a session holds; opens and closes it."""
     with Session(path) as session:
         return session.info()
-
-
-def _nearest_place(sorted_times: Sequence[int], time_ns: int) -> int:
-    after = bisect_left(sorted_times, time_ns)
-    candidates = [i for i in (after - 1, after) if 0 <= i < len(sorted_times)]
-    return min(candidates, key=lambda i: abs(sorted_times[i] - time_ns))
 
 
 def _checked_metadata(path: Path, entries: Mapping[str, str] | None) -> dict[str, str]:

@@ -159,7 +159,9 @@ def test_an_offset_shifts_a_stream_and_a_tolerance_stays_with_the_session(tmp_pa
     shifted = imported(folder, tmp_path / "shifted.mcap", offsets_ns={"right": -18 * MS})
     assert (shifted.pairs, list(shifted.advice())) == (4, [])
     loose = imported(folder, tmp_path / "loose.mcap", tolerance_ns=27 * MS)
-    assert loose.pairs == 4
+    assert (loose.pairs, loose.tolerance_ns) == (4, 27 * MS)
+    strict = imported(folder, tmp_path / "strict.mcap", tolerance_ns=0)
+    assert (strict.pairs, strict.tolerance_ns) == (0, 0)
     for name, skew_ns in (("shifted", 0), ("loose", 18 * MS)):
         with Session(tmp_path / f"{name}.mcap") as session:
             assert np.diff(session.pair_times_ns()).ravel().tolist() == [skew_ns] * 4

@@ -140,7 +140,7 @@ def import_bag(
             tick()
         for name, entries in bag.records.items():
             session.add_metadata(name, entries)
-    return _outcome(plan, seen, tolerance_ns or DEFAULT_MAX_SKEW_NS)
+    return _outcome(plan, seen)
 
 
 _AGAIN: Final = "mcap doctor {path}"  # which says what is wrong with it
@@ -313,7 +313,8 @@ def reading_of(message: BagRange, time_ns: int) -> RangeReading:
     return RangeReading(time_ns, known, None, status, repr(value))
 
 
-def _outcome(plan: _Plan, seen: Mapping[str, list[int]], tolerance_ns: int) -> Imported:
+def _outcome(plan: _Plan, seen: Mapping[str, list[int]]) -> Imported:
+    tolerance_ns = int(plan.metadata.get("max_skew_ns", DEFAULT_MAX_SKEW_NS))
     left, right = (np.sort(np.array(seen[side], np.int64)) for side in SIDES)
     pairs = pair_by_time(left, right, tolerance_ns)
     near = pair_by_time(left, right, 10**18)
