@@ -287,6 +287,7 @@ def test_what_does_not_fit_is_said(tmp_path: Path) -> None:
         ([{"image_id": 0, "bbox": [1e9, 2, 3, 4]}], {}, "absurdly large"),
         ([{"image_id": 0, "segmentation": {"size": [48, 64], "counts": [5]}}], {}, "do not fill"),
         ([{"image_id": 0, "segmentation": {"size": [48, 64], "counts": "~"}}], {}, "compressed"),
+        ([{"image_id": 0, "segmentation": {"size": [1, 5], "counts": [5]}}], {}, "another size"),
         ([polygon, {**polygon, "category_id": 1}], {"categories": ["stem", "leaf"]}, "--category"),
         ([{"image_id": 0, "bbox": [1, 2, 3, 4], "apple_id": 5}] * 2, {}, "two boxes"),
     ):

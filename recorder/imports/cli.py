@@ -42,7 +42,7 @@ def frames(
     out: Output,
     right: Annotated[
         Path | None,
-        typer.Argument(metavar="[RIGHT]", help="The same of the right view; or one view alone."),
+        typer.Argument(metavar="RIGHT", help="The same of the right view; or one view alone."),
     ] = None,
     rig: Annotated[
         Path | None, typer.Option(help="rig.toml, or an OpenCV stereo YAML; two views need it.")
@@ -153,7 +153,8 @@ def label(
     session: SessionArgument,
     out: Output,
     masks: Annotated[
-        Path | None, typer.Option(help="A folder with left/*.png and right/*.png, in order.")
+        Path | None,
+        typer.Option(help="left/*.png and right/*.png, in order; or *.png of one view."),
     ] = None,
     apples: Annotated[Path | None, typer.Option(help="Centres and radii (JSON).")] = None,
     instances: Annotated[
@@ -204,7 +205,7 @@ def label(
         if tool == "masks":
             labels = MaskTruth(path, apples, partial=partial, instances=instances)
             told = {"pictures": len(opened)}
-            line = f"truth for {len(opened)} stereo pairs"
+            line = f"truth for {len(opened)} {'pictures' if opened.one_view else 'stereo pairs'}"
         else:
             labels = LabelTruth(
                 opened,

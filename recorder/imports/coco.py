@@ -8,7 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from recorder.errors import PomologError
 from recorder.imports.json_files import read_json, wrong_entry
-from recorder.imports.shapes import PictureLabels, Shape, mask_of_runs, unpack_runs
+from recorder.imports.shapes import PictureLabels, Shape, cropped, mask_of_runs, unpack_runs
 from recorder.pictures import MAX_SIDE_PX
 from recorder.records import OutlineKind
 
@@ -33,6 +33,11 @@ class _Picture(_Part):
     labelled: bool = True  # this and the next two are our own, see recorder/exports/coco.py
     partial: bool = False
     identified: bool = True
+
+    @property
+    def size_px(self) -> tuple[int, int] | None:
+        """(width, height), where the file says both."""
+        return (self.width, self.height) if self.width and self.height else None
 
 
 class _Category(_Part):
@@ -74,12 +79,13 @@ def read_coco(path: Path) -> tuple[PictureLabels, ...]:
         if annotation.image_id not in pictures:
             raise PomologError(f"{where}: no image {annotation.image_id}")
         name = names.get(annotation.category_id, str(annotation.category_id))
-        shapes[annotation.image_id].append(_shape(annotation, name, where))
+        size_px = pictures[annotation.image_id].size_px
+        shapes[annotation.image_id].append(_shape(annotation, name, size_px, where))
     return tuple(
         PictureLabels(
             picture.file_name.replace("\\", "/"),
             tuple(shapes[key]),
-            (picture.width, picture.height) if picture.width and picture.height else None,
+            picture.size_px,
             partial=picture.partial,
             identified=picture.identified,
         )
@@ -95,7 +101,9 @@ def _parse(path: Path) -> _File:
         raise wrong_entry(path, error, "is it COCO (images, annotations)?") from None
 
 
-def _shape(annotation: _Annotation, category: str, where: str) -> Shape:
+def _shape(
+    annotation: _Annotation, category: str, size_px: tuple[int, int] | None, where: str
+) -> Shape:
     common: dict[str, Any] = {
         "id": _identity(annotation, where),
         "number": None if annotation.iscrowd else annotation.label,
@@ -107,7 +115,9 @@ def _shape(annotation: _Annotation, category: str, where: str) -> Shape:
     if isinstance(segmentation, _Runs):
         counts = segmentation.counts
         runs = unpack_runs(counts, where) if isinstance(counts, str) else counts
-        return Shape(mask=(mask_of_runs(runs, segmentation.size, where), (0, 0)), **common)
+        if size_px is not None and segmentation.size != size_px[::-1]:
+            raise PomologError(f"{where}: run lengths of another size than its image's")
+        return Shape(mask=cropped(mask_of_runs(runs, segmentation.size, where)), **common)
     if segmentation:
         if any(len(part) % 2 for part in segmentation):
             raise PomologError(f"{where}: a polygon has an x without its y")

@@ -170,6 +170,15 @@ def mask_of_runs(runs: Sequence[int], size: tuple[int, int], where: str) -> Mask
     return np.repeat(values, counts).reshape(size[::-1]).T
 
 
+def cropped(mask: Mask) -> tuple[Mask, tuple[int, int]]:
+    """The part that holds all of a mask, and where it begins: a file has thousands."""
+    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    if len(rows) == 0:
+        return np.zeros((0, 0), bool), (0, 0)
+    y, x = int(rows[0]), int(columns[0])
+    return mask[y : rows[-1] + 1, x : columns[-1] + 1].copy(), (x, y)
+
+
 def runs_of_mask(mask: Mask) -> list[int]:
     """The reverse of `mask_of_runs`."""
     flat = np.concatenate([[False], mask.T.ravel()])
