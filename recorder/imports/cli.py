@@ -45,7 +45,7 @@ def frames(
         typer.Argument(metavar="RIGHT", help="The same of the right view; or one view alone."),
     ] = None,
     rig: Annotated[
-        Path | None, typer.Option(help="rig.toml, or an OpenCV stereo YAML; two views need it.")
+        Path | None, typer.Option(help="rig.toml, OpenCV, ROS or Kalibr file; two views need it.")
     ] = None,
     rate: Annotated[float, typer.Option(min=1e-3, max=1e4, help="Pairs a second.")] = 1.0,
     lighting: Annotated[
