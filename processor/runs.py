@@ -2,13 +2,15 @@
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
+from processor.judge import JUDGED, judge
 from processor.replay import RESULTS_PROFILE
 from processor.results import STAGES, Row, read_table
 from processor.score import FrameRow, FruitRow, Score, score
+from processor.sureness import Judged
 from recorder.errors import PomologError
 
 
@@ -49,6 +51,22 @@ def _read_run(folder: Path) -> Run:
     return Run(folder, about)
 
 
+@dataclass(slots=True)
+class Group:
+    """What one group's score is made of."""
+
+    frames: list[FrameRow] = field(default_factory=list)
+    fruit: list[FruitRow] = field(default_factory=list)
+    judged: dict[str, list[Judged | None]] = field(default_factory=dict)
+
+    def known(self) -> dict[str, list[Judged]]:
+        """What was judged, without a kind of which one could not be."""
+        whole = {
+            what: [one for one in found if one is not None] for what, found in self.judged.items()
+        }
+        return {what: ones for what, ones in whole.items() if len(ones) == len(self.judged[what])}
+
+
 def score_runs(runs: Sequence[Run], by: str = "") -> dict[str, Score]:
     """The score of all frames together ("all"), and of each value of a condition.
 
@@ -59,7 +77,7 @@ def score_runs(runs: Sequence[Run], by: str = "") -> dict[str, Score]:
     Raises:
         PomologError: no frame has that condition.
     """
-    groups: dict[str, tuple[list[FrameRow], list[FruitRow]]] = {"all": ([], [])}
+    groups: dict[str, Group] = {"all": Group()}
     known: set[str] = set()
     for run in runs:
         group_of = {}
@@ -69,13 +87,18 @@ def score_runs(runs: Sequence[Run], by: str = "") -> dict[str, Score]:
             names = ["all"] + ([f"{by}={conditions[by]}"] if by in conditions else [])
             group_of[row["frame"]] = names
             for name in names:
-                groups.setdefault(name, ([], []))[0].append(_frame_row(row))
-        for row in read_table(run.folder, "truth").select(_FRUIT).to_pylist():
+                groups.setdefault(name, Group()).frames.append(_frame_row(row))
+        truth = read_table(run.folder, "truth").select([*_FRUIT, "apple_id"]).to_pylist()
+        for row in truth:
             for name in group_of[row["frame"]]:
-                groups[name][1].append(_fruit_row(row))
+                groups[name].fruit.append(_fruit_row(row))
+        found = read_table(run.folder, "apples").select(JUDGED).to_pylist()
+        for frame, what, one in judge(found, truth):
+            for name in group_of[frame]:
+                groups[name].judged.setdefault(what, []).append(one)
     if by and len(groups) == 1:
         raise PomologError(f"no session says its {by}; they say {', '.join(sorted(known))}")
-    return {name: score(frames, fruit) for name, (frames, fruit) in groups.items()}
+    return {name: score(g.frames, g.fruit, g.known()) for name, g in groups.items()}
 
 
 def _frame_row(row: Row) -> FrameRow:

@@ -1,11 +1,14 @@
 """Counts in, rates and intervals out. Sums counts and divides last; knows no stage and no file."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Final
 
 import numpy as np
 from scipy.stats import binomtest
+
+from processor.sureness import Curve, Judged, curve
 
 Interval = tuple[float, float]
 
@@ -172,6 +175,7 @@ class Score:
     time_ms: dict[str, float]
     fruit_by_visibility: dict[str, Detection | None]  # false ones count in every class
     covered95: dict[str, float | None]  # share of errors within 1.96 standard deviations
+    by_confidence: dict[str, Curve | None]  # "fruit", "matches"; None where no method or truth says
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,8 +188,23 @@ class FrameRow:
     stage_ns: dict[str, int]
 
 
-def score(frames: Sequence[FrameRow], fruit: Sequence[FruitRow]) -> Score:
-    """Score one group of frames and the true apples in them."""
+def score(
+    frames: Sequence[FrameRow],
+    fruit: Sequence[FruitRow],
+    judged: Mapping[str, Sequence[Judged]] = MappingProxyType({}),
+) -> Score:
+    """Score one group of frames, the true apples in them, and what was found.
+
+    Args:
+        frames: with their counts.
+        fruit: true apples.
+        judged: "fruit" (circles of both views) and "matches", with their confidences; absent where
+            the method has none, or nobody can know what is false.
+    """
+    asked = {
+        "fruit": sum(f.fruit[0] + f.fruit[2] for f in frames if f.fruit is not None),
+        "matches": sum(f.match is not None for f in fruit),
+    }
     located = [f for f in fruit if f.error_m is not None]
     return Score(
         frames=len(frames),
@@ -209,6 +228,10 @@ def score(frames: Sequence[FrameRow], fruit: Sequence[FruitRow]) -> Score:
         covered95={
             name: _covered([f for f in located if _within(f.visible, least, below)])
             for name, least, below in (("all", 0.0, np.inf), *VISIBILITY)
+        },
+        by_confidence={
+            what: curve(judged[what], wanted) if what in judged and wanted else None
+            for what, wanted in asked.items()
         },
     )
 

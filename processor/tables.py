@@ -6,6 +6,7 @@ from rich import box
 from rich.table import Table
 
 from processor.score import Detection, Errors, Interval, Matches, Score
+from processor.sureness import Curve
 
 NOT_SCORED = "not scored"  # the truth does not say
 NOTHING = "-"  # it does, but there was none
@@ -36,10 +37,17 @@ def _lines(score: Score) -> list[tuple[str, str]]:
         + _pixels("cleaned pixels", score.pixels_cleaned)
         + separator
         + _fruit(score.fruit)
+        + [
+            (f"  {name.replace('%', ' %')} visible: F1 %", _percent(found, "f1"))
+            for name, found in score.fruit_by_visibility.items()
+        ]
+        + _curve(score.by_confidence["fruit"], score.fruit is None)
         + separator
         + _matches(score.matches)
+        + _curve(score.by_confidence["matches"], score.matches is None)
         + separator
         + _errors(score.distance_m, NOT_SCORED if score.matches is None else NOTHING)
+        + _by_visibility(score, NOT_SCORED if score.matches is None else NOTHING)
         + separator
         + [("locate, median ms a pair", f"{time:.1f}")]
     )
@@ -101,6 +109,30 @@ def _errors(e: Errors | None, unknown: str) -> list[tuple[str, str]]:
     for field, (label, form) in labels.items():
         value = unknown if e is None else format(getattr(e, field) * 1e3, form)
         rows.append((f"  {label} mm", value))
+    return rows
+
+
+def _by_visibility(score: Score, unknown: str) -> list[tuple[str, str]]:
+    """RMSE, and how many of the 95 % intervals hold, by what the worse view sees."""
+    rows = []
+    for name, found in score.distance_m_by_visibility.items():
+        label = name.replace("%", " %")
+        rmse = unknown if found is None else f"{found.rmse * 1e3:.1f}"
+        rows.append((f"  {label} visible: RMSE mm", rmse))
+    for name, share in score.covered95.items():
+        label = "all" if name == "all" else name.replace("%", " % visible")
+        rows.append((f"  covered, {label} %", unknown if share is None else f"{share * 100:.1f}"))
+    return rows
+
+
+def _curve(curve: Curve | None, unscored: bool) -> list[tuple[str, str]]:
+    """Average precision, and how far what is said is from what is right."""
+    unknown = NOT_SCORED if unscored else NOTHING
+    measures = ("average precision %", "average_precision"), ("said - right %", "calibration_error")
+    rows = []
+    for label, field in measures:
+        value = None if curve is None else getattr(curve, field)
+        rows.append((f"  {label}", unknown if value is None else f"{value * 100:.1f}"))
     return rows
 
 
