@@ -9,14 +9,14 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import linear_sum_assignment
 
+from processor.nearness import USUAL_RADIUS_M
 from processor.net import Floats32, Net
 from processor.trace import Floats, Fruit, Matching, ViewTrace
 from recorder.rectify import Rectification
 
-PAIR_MEASURES: Final = 14
+PAIR_MEASURES: Final = 18
 _GRID: Final = np.linspace(-0.9, 0.9, 18)
 _SPOTS: Final = np.array([(x, y) for y in _GRID for x in _GRID if np.hypot(x, y) <= 0.95])
-USUAL_RADIUS_M: Final = 0.038
 _NOISE: Final = 2.0  # grey levels; texture below it says nothing
 
 
@@ -85,6 +85,7 @@ class Assignment:
         self, left: ViewTrace, right: ViewTrace, rectification: Rectification
     ) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp], Floats32]:
         """Pairs that geometry allows: (P,) left places, (P,) right places, (P, F) measures."""
+        lefts, rights = left.circles.fruit, right.circles.fruit
         a, b = left.circles.as_array(), right.circles.as_array()
         mean = (a[:, None, 2] + b[None, :, 2]) / 2
         ratio = a[:, None, 2] / np.maximum(b[None, :, 2], 1e-6)
@@ -111,12 +112,36 @@ class Assignment:
             np.abs(np.log(radius_m[picked] / USUAL_RADIUS_M)), np.log(mean[picked] / 50),
             *looks.T, np.minimum(sure[0][rows], sure[1][columns]),
             np.maximum(sure[0][rows], sure[1][columns]),
+            *_coarsely(lefts, rights, rows, columns, disparity[picked]),
         ])  # fmt: skip
         return rows, columns, measures.astype(np.float32)
 
 
 def _confidence(fruit: Fruit) -> float:
     return 1.0 if fruit.confidence is None else fruit.confidence
+
+
+def _coarsely(
+    lefts: Sequence[Fruit],
+    rights: Sequence[Fruit],
+    rows: npt.NDArray[np.intp],
+    columns: npt.NDArray[np.intp],
+    disparity_px: Floats,
+) -> Floats:
+    """How far each pair's disparity is from what is coarsely seen at either fruit.
+
+    Returns:
+        (4, P): for each view the logarithm of their ratio, and whether it is known.
+    """
+    found = []
+    for fruit, places in ((lefts, rows), (rights, columns)):
+        coarse = np.array([f.disparity_px or 0.0 for f in fruit])[places]
+        if not coarse.any():  # by a finder that does not look: nothing is contradicted
+            coarse = disparity_px
+        known = coarse > 0
+        ratio = np.where(known, disparity_px / np.where(known, coarse, 1.0), 1.0)
+        found += [np.minimum(np.abs(np.log(ratio)), 0.5), known.astype(float)]
+    return np.stack(found)
 
 
 def _next_best(odds: Floats, i: int, j: int) -> float:

@@ -2,17 +2,22 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import cast
+from typing import Final, cast
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
+from processor.nearness import Nearness
 from processor.trace import Floats
 
 Bytes = npt.NDArray[np.uint8]
 Contour = npt.NDArray[np.int32]
 """(N, 2) pixels, x y."""
+
+
+LEAST_SLOPE: Final = 60  # of evidence, summed over three differences across four pixels
+INWARD_PX: Final = (2, 5)  # in steps along a contour: where nearness is read
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,12 +33,14 @@ class Pairs:
         arcs_px: along a contour, from a point to its partners.
         strangers: random partners a point, for fruit whose edge is broken.
         slack: by how much of the radius both normals may miss a common centre.
+        sizes: where nearness is known, shares of the usual radius that a point alone is tried with.
     """
 
     step_px: int = 3
-    arcs_px: tuple[int, ...] = (10, 16, 24, 36, 54, 80)
+    arcs_px: tuple[int, ...] = (16, 36, 80)
     strangers: int = 3
     slack: float = 0.12
+    sizes: tuple[float, ...] = (0.92, 1.0, 1.09)
 
     def scaled(self, scale: float) -> "Pairs":
         """The same for pictures in which everything is `scale` times as large."""
@@ -46,6 +53,7 @@ class Pairs:
         contours: Sequence[Contour],
         radii_px: tuple[float, float],
         rng: np.random.Generator,
+        nearness: Nearness | None = None,
     ) -> Floats:
         """Make circles.
 
@@ -54,6 +62,7 @@ class Pairs:
             contours: closed; holes among them.
             radii_px: the least and the largest radius.
             rng: draws the strangers.
+            nearness: says how large fruit are, so that one point and its normal make a circle.
 
         Returns:
             (C, 3) x, y, radius.
@@ -79,10 +88,33 @@ class Pairs:
             keep = usable & usable[other]
             first.append(me[keep])
             second.append(other[keep])
-        return self._circles(
-            points.astype(np.float32), normals, np.concatenate(first), np.concatenate(second),
-            radii_px,
-        )  # fmt: skip
+        places = points.astype(np.float32)
+        made = self._circles(
+            places, normals, np.concatenate(first), np.concatenate(second), radii_px
+        )
+        if nearness is None:
+            return made
+        return np.concatenate([made, self._sized(places, normals, usable, radii_px, nearness)])
+
+    def _sized(
+        self,
+        points: npt.NDArray[np.float32],
+        normals: npt.NDArray[np.float32],
+        usable: npt.NDArray[np.bool_],
+        radii_px: tuple[float, float],
+        nearness: Nearness,
+    ) -> Floats:
+        """Circles of the size that fruit have there; how near it is, is read inside the edge."""
+        found = []
+        for inward in INWARD_PX:
+            inside = points + np.float32(inward * self.step_px) * normals
+            radius = nearness.radius_px(inside[:, 0], inside[:, 1])
+            for size in self.sizes:
+                r = radius * np.float32(size)
+                keep = usable & (r > radii_px[0]) & (r < radii_px[1])
+                centres = points[keep] + r[keep, None] * normals[keep]
+                found.append(np.column_stack([centres, r[keep]]))
+        return np.concatenate(found).astype(float)
 
     def _circles(
         self,
@@ -108,14 +140,20 @@ def _normals(
     index: Bytes, points: Contour
 ) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.bool_]]:
     """(N, 2) unit slopes of the evidence, into the fruit, and where they can be used."""
-    smooth = cv2.GaussianBlur(index, (5, 5), 0)
-    across, down = cv2.spatialGradient(smooth)
+    smooth = np.asarray(cv2.blur(index, (3, 3)))
     x, y = points.T
-    slope = np.stack([across[y, x], down[y, x]], -1).astype(np.float32)
-    steep = np.linalg.norm(slope, axis=1)
     height, width = index.shape
-    within = (x > 1) & (y > 1) & (x < width - 2) & (y < height - 2)  # the picture's edge is no rim
-    return slope / np.maximum(steep, 1)[:, None], within & (steep > 60)
+    within = (x > 3) & (y > 3) & (x < width - 4) & (y < height - 4)  # the picture's edge is no rim
+    at = np.where(within, y * width + x, 4 * width + 4)
+    levels = smooth.ravel()
+    slope = np.zeros((len(points), 2), np.float32)
+    for along, step in ((0, 1), (1, width)):
+        beside = width + 1 - step  # the other way
+        for off in (-2, 0, 2):
+            slope[:, along] += levels[at + 2 * step + off * beside].astype(np.float32)
+            slope[:, along] -= levels[at - 2 * step + off * beside]
+    steep = np.linalg.norm(slope, axis=1)
+    return slope / np.maximum(steep, 1)[:, None], within & (steep > LEAST_SLOPE)
 
 
 def vote(circles: Floats, most: int, least: int = 2) -> Floats:

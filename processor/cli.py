@@ -87,7 +87,7 @@ def methods(
     name: Annotated[str, typer.Argument(metavar="[NAME]", help="Print this one as TOML.")] = "",
 ) -> None:
     """List the named methods, or print one with all its parameters, to start your own from."""
-    from processor.methods import METHODS, describe, load_method, to_toml
+    from processor.methods import LIMITS, METHODS, describe, load_method, to_toml
 
     if name:
         print(to_toml(*load_method(name)))
@@ -97,6 +97,8 @@ def methods(
         print(
             f"{known:18} {', '.join(stages[s]['use'] for s in ('recognise', 'circles', 'match'))}"
         )
+        if known in LIMITS:
+            print(f"{'':18} ({LIMITS[known]})")
 
 
 def _count_pairs(sessions: list[Path]) -> int:

@@ -15,6 +15,8 @@ Packed = npt.NDArray[np.uint16]
 """(H, W) uint16: three channels packed into 5 + 6 + 5 bits."""
 
 ENTRIES: Final = 1 << 16  # of a table: 5 + 6 + 5 bits
+BRIGHTEST: Final = 251  # of a mean of pixels: above it, most of them were clipped
+DARKEST: Final = 3
 _READS_16_BITS: Final = int(cv2.__version__.partition(".")[0]) >= 5  # cv2.LUT reads uint16 since 5
 
 
@@ -46,31 +48,67 @@ class ColourTable:
         near_px: side of the box for evidence around a pixel; about a far apple's radius.
         wide_px: side of the box for evidence around a fruit; about a fruit's diameter.
         threshold: fruit where the smoothed probability is above this share of 255.
+        halved_from_px: pictures of so many pixels are read at half their size, in a quarter of the
+            time; None: never.
     """
 
     model: ColourModel
     near_px: int = 13
     wide_px: int = 61
     threshold: int = 127
+    halved_from_px: int | None = None
 
     def __call__(self, picture: Picture) -> Recognition:
         """Read both tables; the index shown is 255 times the probability of fruit."""
-        evidence = read_table(self.model.colour, pack(cv2.GaussianBlur(picture, (3, 3), 0)))
-        surroundings = pack(self.surroundings(evidence))
-        index = cast("Bytes", cv2.blur(read_table(self.model.context, surroundings), (3, 3)))
+        height, width = picture.shape[:2]
+        seen = self.smooth(picture)
+        evidence = read_table(self.model.colour, pack(seen))
+        surroundings = pack(self.surroundings(evidence, width / evidence.shape[1]))
+        found = read_table(self.model.context, surroundings)
+        if found.shape == (height, width):
+            index = cast("Bytes", cv2.blur(found, (3, 3)))
+        else:
+            index = cast("Bytes", cv2.resize(found, (width, height)))
         _, mask = cv2.threshold(index, self.threshold, 255, cv2.THRESH_BINARY)
-        return Recognition(index, cast("Bytes", mask), calibrated=True)
+        return Recognition(
+            index, cast("Bytes", mask), calibrated=True, clipped=clipped(seen, (width, height))
+        )
 
-    def surroundings(self, evidence: Bytes) -> Picture:
-        """(H, W, 3) means of (H, W) evidence: wide, close, near; the order gives close 6 bits."""
+    def smooth(self, picture: cv2.typing.MatLike) -> Picture:
+        """What colours are read of: a large picture at half its size, a small one blurred."""
+        height, width = picture.shape[:2]
+        if self.halved_from_px is not None and height * width >= self.halved_from_px:
+            size_px = (width // 2, height // 2)
+            return cast("Picture", cv2.resize(picture, size_px, interpolation=cv2.INTER_AREA))
+        return cast("Picture", cv2.GaussianBlur(picture, (3, 3), 0))
+
+    def surroundings(self, evidence: Bytes, shrunk: float) -> Picture:
+        """(H, W, 3) means of (H, W) evidence: wide, close, near; the order gives close 6 bits.
+
+        Args:
+            evidence: of every pixel that was read.
+            shrunk: by how much the picture was larger than it.
+        """
         height, width = evidence.shape
-        close = cv2.blur(evidence, (3, 3))
-        near = cv2.blur(evidence, (self.near_px, self.near_px))
+        close = cv2.blur(evidence, (3, 3)) if shrunk == 1 else evidence
+        near_px = 2 * round((self.near_px / shrunk - 1) / 2) + 1
+        near = cv2.blur(evidence, (near_px, near_px))
         # a quarter of the size is enough for a mean over 61 pixels, and costs a sixteenth
-        small = cv2.resize(close, (width // 4, height // 4), interpolation=cv2.INTER_NEAREST)
+        coarser = max(1, round(4 / shrunk))
+        small = cv2.resize(
+            close, (width // coarser, height // coarser), interpolation=cv2.INTER_NEAREST
+        )
         side = max(1, self.wide_px // 4)
         wide = cv2.resize(cv2.blur(small, (side, side)), (width, height))
         return cast("Picture", cv2.merge([wide, close, near]))
+
+
+def clipped(picture: Picture, size_px: tuple[int, int]) -> Bytes:
+    """255 where a channel is at its upper end, or all are at their lower; of that size."""
+    not_over = cv2.inRange(picture, (0, 0, 0), (BRIGHTEST,) * 3)
+    under = cv2.inRange(picture, (0, 0, 0), (DARKEST,) * 3)
+    lost = cv2.bitwise_or(cv2.bitwise_not(not_over), under)
+    return cast("Bytes", cv2.resize(lost, size_px, interpolation=cv2.INTER_NEAREST))
 
 
 def pack(picture: cv2.typing.MatLike) -> Packed:

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from processor.candidates import Contour, Pairs, vote
 from processor.evidence import Claims, Evidence, gather
+from processor.nearness import PAPERS_FOCAL_PX, USUAL_RADIUS_M, see_nearness
 from processor.net import Floats32, Net
 from processor.rims import Outlines, fit_outlines
 from processor.trace import Circles, Cleaning, Floats, Fruit, Look, Seed
@@ -17,7 +18,6 @@ from recorder.rectify import Rectification
 
 Bytes = npt.NDArray[np.uint8]
 
-PAPERS_FOCAL_PX: Final = 6e-3 / 5.2e-6  # what lengths in pixels are told for
 SHORTEST_CONTOUR_PX: Final = 24
 
 
@@ -47,6 +47,7 @@ class Proposals:
         evidence: what speaks for them.
         quality: (N,) by the first network.
         tried: (T, 4) every circle that was voted for, with its quality before refinement.
+        tried_measures: (T, F) what that quality came from.
     """
 
     circles: Floats
@@ -54,6 +55,7 @@ class Proposals:
     evidence: Evidence
     quality: Floats32
     tried: Floats
+    tried_measures: Floats32
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,6 +72,8 @@ class FruitFinder:
         voted: candidates that are looked at.
         least_quality: candidates that are refined.
         same: two candidates are one where centres and radii differ by less, in radii.
+        same_as_good: the same beyond that, times the better one's quality: what surely is a fruit
+            needs no second try.
         refined: candidates that are refined at most.
         least_confidence: of fruit that are reported.
     """
@@ -81,10 +85,11 @@ class FruitFinder:
     nearest_m: float = 0.38  # the paper's 400 mm, to the front
     furthest_m: float = 1.9  # beyond a row's depth
     voted: int = 400
-    least_quality: float = 0.2
-    same: float = 0.25
+    least_quality: float = 0.1
+    same: float = 0.3
+    same_as_good: float = 0.6
     refined: int = 120
-    least_confidence: float = 0.4  # best F1 on the training pairs and photographs
+    least_confidence: float = 0.5  # best F1 of fruit half visible, and near it of all, in training
 
     def __call__(self, cleaning: Cleaning, seed: Seed, look: Look) -> Circles:
         """Find fruit; each belongs to the region that has most of its circle's box."""
@@ -92,6 +97,8 @@ class FruitFinder:
         confidence = choose(proposals, self.model.choice, self.least_confidence)
         chosen = np.flatnonzero(confidence >= self.least_confidence)
         owners = _owners(cleaning, proposals.circles[chosen])
+        usual_px = proposals.evidence.usual_px
+        per_radius = look.rectification.baseline_m / USUAL_RADIUS_M
         fruit = []
         for place, region in zip(chosen.tolist(), owners, strict=True):
             x, y, radius = proposals.circles[place].tolist()
@@ -104,6 +111,7 @@ class FruitFinder:
                     box_px=owner.box_px,
                     confidence=float(confidence[place]),
                     covariance_px2=_triangle(proposals.outlines.covariance[place]),
+                    disparity_px=float(usual_px[place]) * per_radius or None,
                 )
             )  # fmt: skip
         tried = np.column_stack([np.zeros(len(proposals.tried)), proposals.tried])
@@ -126,21 +134,24 @@ class FruitFinder:
         rng = np.random.default_rng(seed)
         pairs = self.pairs.scaled(scale)
         contours = _contours(cleaning, SHORTEST_CONTOUR_PX * scale)
-        voted = vote(pairs(index, contours, window, rng), self.voted)
-        quality = self.model.quality(gather(index, grey, voted).measures)
+        nearness = see_nearness(look, self.nearest_m, self.furthest_m)
+        voted = vote(pairs(index, contours, window, rng, nearness), self.voted)
+        first = gather(index, grey, voted, nearness)
+        quality = self.model.quality(first.measures)
         kept = self._distinct(voted, quality)
-        outlines = fit_outlines(index, voted[kept])
+        outlines = fit_outlines(index, voted[kept], first.usual_px[kept].astype(float))
         circles = outlines.circles
         circles[:, 2] = np.clip(circles[:, 2], *window)
-        evidence = gather(index, grey, circles)
+        evidence = gather(index, grey, circles, nearness)
         again = self.model.quality(evidence.measures)
         order = np.argsort(-again, kind="stable")
         return Proposals(
             circles[order],
             Outlines(circles[order], outlines.covariance[order], outlines.rim[order]),
-            Evidence(*(getattr(evidence, f)[order] for f in Evidence.__slots__)),
+            evidence.ordered(order),
             again[order],
             np.column_stack([voted, quality]),
+            first.measures,
         )
 
     def _distinct(self, circles: Floats, quality: Floats32) -> npt.NDArray[np.intp]:
@@ -149,16 +160,18 @@ class FruitFinder:
         order = order[quality[order] >= self.least_quality]
         if len(order) == 0:
             return order
-        x, y, radius = circles[order].T
-        away = np.hypot(x[:, None] - x, y[:, None] - y) + np.abs(radius[:, None] - radius)
-        same = away < self.same * np.minimum(radius[:, None], radius)
+        x, y, radius = circles[order].T.astype(np.float32)
+        reach = self.same + self.same_as_good * quality[order]
         taken: list[int] = []
         free = np.ones(len(order), bool)
         for place in range(len(order)):
             if free[place]:
                 taken.append(place)
-                free &= ~same[place]
-        return order[taken[: self.refined]]
+                if len(taken) == self.refined:
+                    break
+                away = np.hypot(x - x[place], y - y[place]) + np.abs(radius - radius[place])
+                free &= away >= reach[place] * np.minimum(radius, radius[place])
+        return order[taken]
 
 
 def choose(proposals: Proposals, net: Net, least_confidence: float) -> Floats32:

@@ -9,6 +9,7 @@ from typing import Final, cast
 import cv2
 import numpy as np
 
+from processor.crossfit import FOLDS
 from processor.discs import true_discs
 from processor.trace import Floats
 from recorder.errors import PomologError
@@ -41,6 +42,12 @@ class Lesson:
     discs: Floats
     rectification: Rectification
     real: bool = False
+
+    @property
+    def fold(self) -> int:
+        """Which fold its scene is in, by a hash: both views and every size are in the same."""
+        scene = self.name.rpartition("/")[0] or self.name
+        return hashlib.sha256(scene.encode()).digest()[1] % FOLDS
 
     def halved(self) -> "Lesson":
         """The same by a camera of half the pixels each way."""

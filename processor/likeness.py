@@ -9,7 +9,7 @@ from processor.net import Floats32
 from processor.rims import Bytes
 from processor.trace import Floats, ViewTrace
 
-_GRID: Final = np.linspace(-0.8, 0.8, 17)
+_GRID: Final = np.linspace(-0.8, 0.8, 12)
 _SPOTS: Final = np.array([(x, y) for y in _GRID for x in _GRID if np.hypot(x, y) <= 0.82])
 _BULGE: Final = np.sqrt(1 - (_SPOTS**2).sum(1))  # of a unit sphere towards the camera, at a spot
 FLATTER: Final = 0.8  # of a sphere's bulge; shine moves with the viewer and lies behind the skin

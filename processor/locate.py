@@ -10,13 +10,14 @@ from processor.recognise import ColourRatio
 from processor.trace import (
     CircleFinder,
     Cleaner,
-    Look,
     Matcher,
     Recogniser,
     Seed,
+    Sensed,
     Trace,
     Triangulator,
     ViewTrace,
+    look_both_ways,
 )
 from processor.triangulate import Parallel
 from recorder.records import SIDES, Picture
@@ -38,7 +39,12 @@ class Locator:
     triangulate: Triangulator = Parallel()
 
     def __call__(
-        self, left: Picture, right: Picture, rectification: Rectification, seed: Seed = (0, 0)
+        self,
+        left: Picture,
+        right: Picture,
+        rectification: Rectification,
+        seed: Seed = (0, 0),
+        sensed: Sensed = Sensed(),  # noqa: B008  # frozen
     ) -> Trace:
         """Locate the apples of one stereo pair.
 
@@ -47,26 +53,28 @@ class Locator:
             right: the same of the right camera.
             rectification: the rig's.
             seed: (run seed, frame).
+            sensed: what other instruments saw then, for stages that want it.
 
         Returns:
             Every intermediate; its stage times sum both views.
         """
         watch = Stopwatch()
-        views = []
-        for number, (side, recorded) in enumerate(zip(SIDES, (left, right), strict=True)):
-            picture = rectification.view(side).picture(recorded)
+        pictures, recognitions, cleanings, views = [], [], [], []
+        for side, recorded in zip(SIDES, (left, right), strict=True):
+            pictures.append(rectification.view(side).picture(recorded))
             watch.lap("rectify")
-            recognition = self.recognise(picture)
+            recognitions.append(self.recognise(pictures[-1]))
             watch.lap("recognise")
-            cleaning = self.clean(recognition)
+            cleanings.append(self.clean(recognitions[-1]))
             watch.lap("clean")
-            look = Look(picture, recognition, rectification)
+        looks = look_both_ways(pictures, recognitions, rectification)
+        for number, (look, cleaning) in enumerate(zip(looks, cleanings, strict=True)):
             circles = self.circles(cleaning, (*seed, number), look)
             watch.lap("circles")
-            views.append(ViewTrace(picture, recognition, cleaning, circles))
+            views.append(ViewTrace(look.picture, look.recognition, cleaning, circles))
         matching = self.match(views[0], views[1], rectification)
         watch.lap("match")
-        apples = self.triangulate(views[0], views[1], matching, rectification)
+        apples = self.triangulate(views[0], views[1], matching, rectification, sensed)
         watch.lap("triangulate")
         return Trace(views[0], views[1], matching, apples, watch.laps)
 

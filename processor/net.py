@@ -27,11 +27,14 @@ class Net:
 
     def __call__(self, measures: npt.NDArray[np.floating]) -> Floats32:
         """(N, F) measures -> (N,) probabilities."""
+        return np.asarray(1 / (1 + np.exp(-self.logits(measures))), np.float32)
+
+    def logits(self, measures: npt.NDArray[np.floating]) -> Floats32:
+        """(N, F) measures -> (N,) log odds, within 30 of even."""
         signal = (measures.astype(np.float32) - self.mean) * self.scale
         for weight, bias in zip(self.weights[:-1], self.biases[:-1], strict=True):
             signal = np.maximum(signal @ weight + bias, 0)
-        logit = np.clip(signal @ self.weights[-1] + self.biases[-1], -30, 30)
-        return np.asarray(1 / (1 + np.exp(-logit[:, 0])), np.float32)
+        return np.clip((signal @ self.weights[-1] + self.biases[-1])[:, 0], -30, 30)
 
 
 def train_net(

@@ -10,7 +10,7 @@ from processor.likeness import shift_of_skins
 from processor.net import Floats32
 from processor.rims import Bytes, RimShift, shift_of_rims
 from processor.together import fit_together
-from processor.trace import Apple, Floats, Matching, ViewTrace
+from processor.trace import Apple, Floats, Matching, Sensed, ViewTrace
 from recorder.rectify import Rectification
 
 # standard deviations for a radius of 45 px, from the training pairs
@@ -66,7 +66,12 @@ class OutlineRange:
     min_disparity_px: float = 1.0
 
     def __call__(
-        self, left: ViewTrace, right: ViewTrace, matching: Matching, rectification: Rectification
+        self,
+        left: ViewTrace,
+        right: ViewTrace,
+        matching: Matching,
+        rectification: Rectification,
+        sensed: Sensed = Sensed(),  # noqa: ARG002, B008  # stereo alone; frozen
     ) -> tuple[Apple, ...]:
         """Place every match; fruit alone, or in an impossible match, follow without a place."""
         lefts, rights = left.circles.fruit, right.circles.fruit
@@ -189,9 +194,10 @@ def _best_shift(left: Bytes, right: Bytes, a: Floats, b: Floats) -> RimShift:
     """
     lend_b, lend_a = b.copy(), a.copy()
     lend_b[:, 0], lend_a[:, 0] = a[:, 0], b[:, 0]
-    tried = [shift_of_rims(left, right, *s) for s in ((a, b), (lend_b, b), (a, lend_a))]
-    best = np.stack([t.rim for t in tried]).argmax(0)
-    places = np.arange(len(a))
-    return RimShift(
-        *(np.stack([getattr(t, f) for t in tried])[best, places] for f in RimShift.__slots__)
+    count = len(a)
+    # all starts at once: there are few fruit, and numpy's cost is by the call
+    tried = shift_of_rims(
+        left, right, np.concatenate([a, lend_b, a]), np.concatenate([b, b, lend_a])
     )
+    best = tried.rim.reshape(3, count).argmax(0) * count + np.arange(count)
+    return RimShift(*(getattr(tried, field)[best] for field in RimShift.__slots__))

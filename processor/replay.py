@@ -28,6 +28,7 @@ from processor.methods import describe, models_of
 from processor.pool import processes
 from processor.recordings import join_recordings
 from processor.results import TABLES, Rows, join_tables, read_table, rows_of, write_tables
+from processor.trace import sensed_of
 from recorder.errors import PomologError
 from recorder.files import only_writer, replacing, writable
 from recorder.pictures import decode
@@ -297,7 +298,8 @@ def run_slice(job: Job, tick: Tick = lambda _: None) -> None:
             before = perf_counter_ns()
             left, right = decode(pair.left), decode(pair.right)
             decode_ns = perf_counter_ns() - before
-            trace = job.locator(left, right, rectification, (job.seed, pair.index))
+            sensed = sensed_of(pair, session.rig)
+            trace = job.locator(left, right, rectification, (job.seed, pair.index), sensed)
             counts = count_frame(trace, pair.truth, rectification)
             new = rows_of(session.name, pair, trace, counts, rectification, decode_ns)
             for name, table in new.items():

@@ -14,7 +14,7 @@ from processor.locate import Locator
 from processor.methods import locator_from, models_of
 from processor.results import Row, read_table, rows_of
 from processor.runs import Run
-from processor.trace import Trace
+from processor.trace import Trace, sensed_of
 from recorder.errors import PomologError
 from recorder.pictures import decode
 from recorder.records import StereoPair
@@ -111,7 +111,8 @@ def retrace(run: Run, frame: int, moved: Sequence[Path] = ()) -> Retraced:
             rectification = rectify(session.rig)
             (pair,) = session.pairs(frame, frame + 1)
         seed = (run.about["seed"], frame)
-        trace = locator(decode(pair.left), decode(pair.right), rectification, seed)
+        pictures = decode(pair.left), decode(pair.right)
+        trace = locator(*pictures, rectification, seed, sensed_of(pair, session.rig))
     finally:
         cv2.setNumThreads(threads)
     counts = count_frame(trace, pair.truth, rectification)

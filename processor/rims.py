@@ -23,10 +23,28 @@ RAYS: Final = 48
 HALF: Final = 128  # the evidence at the rim: as likely fruit as not
 _ANGLES: Final = np.arange(RAYS) * (2 * np.pi / RAYS)
 SPOKES: Final = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)], -1)
-_STEPS: Final = np.linspace(0.68, 1.32, 33)  # of the radius: where a rim is looked for
+_STEPS: Final = np.linspace(0.68, 1.32, 25)  # of the radius: where a rim is looked for
+# every place that is looked at, of a unit circle: ray by ray, outwards
+_ALONG: Final = (SPOKES[:, None] * _STEPS[:, None]).astype(np.float32)
+_NEVER: Final = np.uint8(255)
+# how far each step is from the circle itself, in half steps
+_AWAY: Final = np.abs(2 * np.arange(len(_STEPS) - 1) - (len(_STEPS) - 2)).astype(np.uint8)
+
+# what moves a rim point's distance: x, y, the mean radius, the second harmonic's two parts; all in
+# pixels, and at the rays' own angles, from which the points hardly turn away
+SLOPES: Final = -np.stack(
+    [SPOKES[:, 0], SPOKES[:, 1], np.ones(RAYS), np.cos(2 * _ANGLES), np.sin(2 * _ANGLES)], -1
+)
+_SQUARES: Final = (SLOPES[:, :, None] * SLOPES[:, None, :]).reshape(RAYS, -1)
+FIT_EVERY: Final = 2  # of the rays is enough for a candidate
+TIGHTENINGS: Final = 4  # of a fit, for each search of rims
 
 WIDER: Final = 0.04  # the usual second harmonic: apples are wider than high
 WIDER_STD: Final = 0.03
+SIZES_STD: Final = 0.08  # of fruit about the usual radius, and of what nearness says of it
+RIM_NOISE_PX: Final = 2.0  # of one ray
+LIKE_USUAL: Final = 0.25  # of a radius over the usual one, as a logarithm: the same apple's
+SLIDES: Final = 0.6  # the centre is held so much less than the radius
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,75 +75,119 @@ class Outlines:
     rim: Floats
 
 
-def find_rims(index: Bytes, circles: Floats) -> Rims:
+def find_rims(index: Bytes, circles: Floats, every: int = 1) -> Rims:
     """Look along each ray for the end of the evidence that is nearest to the circle.
 
     Args:
         index: (H, W) evidence of fruit.
         circles: (N, 3) x, y, radius.
+        every: which of the rays: all, every second, ...
     """
+    rays = RAYS // every
     if len(circles) == 0:
-        return Rims(np.empty((0, RAYS)), np.empty((0, RAYS), bool))
+        return Rims(np.empty((0, rays)), np.empty((0, rays), bool))
     height, width = index.shape
-    x, y, radius = (circles[:, k, None, None] for k in range(3))
-    columns = x + radius * SPOKES[:, 0, None] * _STEPS
-    rows = y + radius * SPOKES[:, 1, None] * _STEPS
-    shape = (len(circles) * RAYS, len(_STEPS))
-    along = cv2.remap(
-        index, columns.reshape(shape).astype(np.float32), rows.reshape(shape).astype(np.float32),
-        cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=(0,),
-    )  # fmt: skip
-    along = cast("Bytes", along).reshape(columns.shape)
-    inside = (columns > 1) & (rows > 1) & (columns < width - 2) & (rows < height - 2)
+    x, y, radius = (circles[:, k, None].astype(np.float32) for k in range(3))
+    shape = (len(circles) * rays, len(_STEPS))
+    along_x, along_y = _ALONG[::every].reshape(-1, 2).T
+    columns = (x + radius * along_x).reshape(shape)
+    rows = (y + radius * along_y).reshape(shape)
+    along = cast("Bytes", cv2.remap(
+        index, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=(0,)
+    ))  # fmt: skip
     fruit = along >= HALF
-    ends = fruit[..., :-1] & ~fruit[..., 1:] & inside[..., 1:]
-    away = np.abs(np.arange(len(_STEPS) - 1) - (len(_STEPS) - 2) / 2)
-    step = np.where(ends, away, np.inf).argmin(-1)
-    seen = np.take_along_axis(ends, step[..., None], -1)[..., 0]
-    before = np.take_along_axis(along, step[..., None], -1)[..., 0].astype(float)
-    after = np.take_along_axis(along, step[..., None] + 1, -1)[..., 0].astype(float)
-    part = np.where(seen, (before - HALF) / np.maximum(before - after, 1), 0.0)
-    share = _STEPS[0] + (step + part) * (_STEPS[1] - _STEPS[0])
-    return Rims(share * circles[:, 2, None], seen)
+    ends = fruit[:, :-1] & ~fruit[:, 1:]
+    away = np.where(ends, _AWAY, _NEVER)
+    step = away.argmin(1)
+    ray = np.arange(len(step))
+    last = columns[ray, step + 1], rows[ray, step + 1]
+    seen = away[ray, step] < _NEVER
+    seen &= (last[0] > 1) & (last[1] > 1) & (last[0] < width - 2) & (last[1] < height - 2)
+    before, after = along[ray, step].astype(np.float32), along[ray, step + 1]
+    part = np.where(seen, (before - HALF) / np.maximum(before - after, 1), 0)
+    share = (_STEPS[0] + (step + part) * (_STEPS[1] - _STEPS[0])).reshape(-1, rays)
+    return Rims(share * circles[:, 2, None], seen.reshape(-1, rays))
 
 
-def fit_outlines(index: Bytes, circles: Floats, searches: int = 2) -> Outlines:
+def fit_outlines(
+    index: Bytes, circles: Floats, usual_px: Floats | None = None, searches: int = 2
+) -> Outlines:
     """Fit an outline to the rims near each circle, robustly, and look again from there.
 
     Gauss-Newton on the distances to the outline with Tukey's weights, which get stricter: a leaf's
     edge across an apple is not the apple's outline, and falls out.
+
+    Args:
+        index: (H, W) evidence of fruit.
+        circles: (N, 3) x, y, radius to start from.
+        usual_px: (N,) the radius that an apple has there, which holds where little rim is seen;
+            0 where nobody knows.
+        searches: times that rims are looked for.
     """
     x, y, radius = (circles[:, k].astype(float).copy() for k in range(3))
     shape = np.tile([WIDER, 0.0], (len(circles), 1))
     count = len(circles)
-    weights, off, normal = np.zeros((count, RAYS)), np.zeros((count, RAYS)), np.zeros((count, 5, 5))
-    trust = np.diag([0.05, 0.05, 0.05, WIDER_STD**-2, WIDER_STD**-2])
+    spokes, slopes, squares = SPOKES[::FIT_EVERY], SLOPES[::FIT_EVERY], _SQUARES[::FIT_EVERY]
+    weights = off = np.zeros((count, len(spokes)))
+    normal = np.zeros((count, 5, 5))
+    expected, held = _expected(circles, usual_px)
+    kept = held * SLIDES**2
     for search in range(searches):
-        rims = find_rims(index, np.column_stack([x, y, radius]))
-        points_x = x[:, None] + rims.reach_px * SPOKES[:, 0]
-        points_y = y[:, None] + rims.reach_px * SPOKES[:, 1]
-        for tightening in range(6):
-            dx, dy = points_x - x[:, None], points_y - y[:, None]
-            reach = np.hypot(dx, dy) + 1e-6
-            cos, sin = dx / reach, dy / reach
-            cos2, sin2 = cos * cos - sin * sin, 2 * cos * sin
+        rims = find_rims(index, np.column_stack([x, y, radius]), FIT_EVERY)
+        points_x = x[:, None] + rims.reach_px * spokes[:, 0]
+        points_y = y[:, None] + rims.reach_px * spokes[:, 1]
+        for tightening in range(TIGHTENINGS):
             size = radius[:, None]
-            off = reach - size * (1 + shape[:, :1] * cos2 + shape[:, 1:] * sin2)
-            scale = max(0.14 * 0.7 ** (tightening + 3 * search), 0.03) * size + 0.5
+            off = distances(points_x - x[:, None], points_y - y[:, None], size, shape)
+            scale = max(0.14 * 0.6 ** (tightening + 3 * search), 0.03) * size + 0.5
             weights = tukey(off / scale) * rims.seen
-            jacobian = np.stack([-cos, -sin, -np.ones_like(cos), -size * cos2, -size * sin2], -1)
-            weighted = jacobian * weights[..., None]
-            normal = weighted.transpose(0, 2, 1) @ jacobian + trust
-            slope = (weighted.transpose(0, 2, 1) @ off[..., None])[..., 0]
-            slope[:, 3:] += (shape - [WIDER, 0.0]) / WIDER_STD**2
+            bent = 1 / (WIDER_STD * radius) ** 2  # both harmonics in pixels, as everything here
+            normal = (weights @ squares).reshape(count, 5, 5)
+            normal[:, range(5), range(5)] += np.stack(
+                [0.05 + kept, 0.05 + kept, 0.05 + held, bent, bent], -1
+            )
+            slope = (weights * off) @ slopes
+            slope[:, 0] += kept * (x - circles[:, 0])
+            slope[:, 1] += kept * (y - circles[:, 1])
+            slope[:, 2] += held * (radius - expected)
+            slope[:, 3:] += (bent * radius)[:, None] * (shape - [WIDER, 0.0])
             step = -np.linalg.solve(normal, slope[..., None])[..., 0]
             step[:, :3] = np.clip(step[:, :3], -0.15 * size, 0.15 * size)
+            shape = shape + step[:, 3:] / size
             x, y, radius = x + step[:, 0], y + step[:, 1], np.maximum(radius + step[:, 2], 3.0)
-            shape = shape + step[:, 3:]
     enough = np.maximum(weights.sum(1) - 3, 1.0)
     variance = ((weights * off**2).sum(1) + 0.5) / enough
     covariance = np.linalg.inv(normal)[:, :3, :3] * variance[:, None, None]
     return Outlines(np.column_stack([x, y, radius]), covariance, weights.mean(1))
+
+
+def distances(dx: Floats, dy: Floats, size: Floats, shape: Floats) -> Floats:
+    """(N, RAYS) how far points at dx, dy from the centre lie outside an outline.
+
+    Args:
+        dx: (N, RAYS).
+        dy: (N, RAYS).
+        size: (N, 1) the mean radius.
+        shape: (N, 2) the second harmonic's two parts, over the radius.
+    """
+    squared = dx * dx + dy * dy + 1e-6
+    reach = np.sqrt(squared)
+    cos2, sin2 = (dx * dx - dy * dy) / squared, 2 * dx * dy / squared
+    return cast("Floats", reach - size * (1 + shape[:, :1] * cos2 + shape[:, 1:] * sin2))
+
+
+def _expected(circles: Floats, usual_px: Floats | None) -> tuple[Floats, Floats]:
+    """(N,) the radius that each fit is drawn to, and (N,) how strongly, over a rim point's pull.
+
+    A circle of quite another size than usual is left to its rim: nearness may be wrong there.
+    """
+    start = circles[:, 2]
+    if usual_px is None:
+        return start, np.zeros(len(start))
+    ratio = np.where(usual_px > 0, start / np.maximum(usual_px, 1e-6), 0.0)
+    near = np.abs(np.log(np.maximum(ratio, 1e-6))) < LIKE_USUAL
+    held = np.where(near, (RIM_NOISE_PX / (SIZES_STD * np.maximum(usual_px, 1.0))) ** 2, 0.0)
+    return np.where(near, usual_px, start), held
 
 
 def tukey(residual: Floats) -> Floats:
@@ -156,9 +218,11 @@ _HARMONICS: Final = np.stack(
     + [wave(k * _ANGLES) for k in (2, 3) for wave in (np.cos, np.sin)], -1,
 )  # fmt: skip
 
+_WAVE_SQUARES: Final = (_HARMONICS[:, :, None] * _HARMONICS[:, None, :]).reshape(RAYS, -1)
+
 
 def shift_of_rims(
-    left: Bytes, right: Bytes, left_circles: Floats, right_circles: Floats, searches: int = 3
+    left: Bytes, right: Bytes, left_circles: Floats, right_circles: Floats, searches: int = 2
 ) -> RimShift:
     """Compare the rims of matched fruit ray by ray.
 
@@ -194,12 +258,12 @@ def shift_of_rims(
         near = (rims_l.seen & rims_r.seen) / (1 + (mean / 0.15) ** 2)
         weights = near * (np.abs(difference) < 0.25 * radius[:, None])
         waves = np.zeros((count, terms))
-        for tightening in range(7):
-            weighted = _HARMONICS * weights[..., None]
-            normal = weighted.transpose(0, 2, 1) @ _HARMONICS + trust
-            waves = np.linalg.solve(normal, (weighted * difference[..., None]).sum(1)[..., None])
-            rest = difference - (_HARMONICS @ waves)[..., 0]
-            scale = max(0.2 * 0.6 ** (tightening + 2 * search), 0.03) * radius + 1.0
+        for tightening in range(TIGHTENINGS):
+            normal = (weights @ _WAVE_SQUARES).reshape(count, terms, terms) + trust
+            pull = (weights * difference) @ _HARMONICS
+            waves = np.linalg.solve(normal, pull[..., None])
+            rest = difference - waves[..., 0] @ _HARMONICS.T
+            scale = max(0.2 * 0.5 ** (tightening + 2 * search), 0.03) * radius + 1.0
             weights = near * tukey(rest / scale[:, None])
         at_left += waves[:, 0, 0] / 2
         at_right -= waves[:, 0, 0] / 2

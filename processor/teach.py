@@ -40,10 +40,11 @@ def teach(
     say(f"{len(pairs)} pairs and {len(photographs)} photographs")
     name = out.stem
     colours = learn_colours(lessons, name)
-    fruit = learn_fruit(lessons, colours, SizeFloor(), say=say)
-    seen = see(pairs, colours, fruit) + see(halves, colours, fruit, (0.0,))
+    groups = [*pairs, *halves, *((photograph,) for photograph in photographs)]
+    fruit = learn_fruit(groups, colours, SizeFloor(), say=say)
+    seen = see(pairs, colours, fruit.without) + see(halves, colours, fruit.without, (0.0,))
     model = Model(
-        name, colours, fruit, learn_matches(seen, name, say), learn_range(seen, name, say)
+        name, colours, fruit.model, learn_matches(seen, name, say), learn_range(seen, name, say)
     )
     about: dict[str, Any] = {
         "made_by": "pomolog train",
@@ -57,8 +58,12 @@ def teach(
 
 def _provenance(path: Path) -> dict[str, Any]:
     with Session(path) as session:
-        if session.metadata.get("split") == "test":
-            raise PomologError(f"{path} is of the test split; train on the train split")
+        split = session.metadata.get("split")
+        if split in ("test", "both"):
+            whole = "of the test split" if split == "test" else "partly of the test split"
+            raise PomologError(
+                f"{path} is {whole}; train on the train split: pomolog simulate --split train"
+            )
         said = {
             k: session.metadata.get(k) for k in ("scene", "seed", "split", "lighting", "cultivar")
         }

@@ -4,16 +4,17 @@ Pictures, masks, circles and contours are in pixels of the **rectified** views; 
 it reports back to recorded pixels. Points are in the left camera's optical frame, in metres.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Protocol
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Protocol
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
-from recorder.records import Picture
+from recorder.records import SIDES, Depth, Picture, Side, StereoPair
 from recorder.rectify import Rectification
+from recorder.rig import Rig
 
 Mask = npt.NDArray[np.uint8]
 """(H, W) uint8: 0 or 255."""
@@ -32,11 +33,14 @@ class Recognition:
         index: (H, W) uint8, the colour index as a picture: brighter is more like fruit.
         mask: where the rule says "fruit".
         calibrated: the index is 255 times a probability, 128 at the mask's edge.
+        clipped: 255 where the picture is over- or under-exposed, so that its colour says nothing;
+            None where the method does not ask.
     """
 
     index: npt.NDArray[np.uint8]
     mask: Mask
     calibrated: bool = False
+    clipped: Mask | None = None
 
     def evidence(self) -> npt.NDArray[np.uint8]:
         """(H, W) uint8, 128 at the edge of fruit: the index if it is that, or the smoothed mask."""
@@ -81,6 +85,7 @@ class Fruit:
     box_px: tuple[int, int, int, int]  # of its region
     confidence: float | None = None  # that it is a fruit; None where the finder has none to give
     covariance_px2: tuple[float, ...] | None = None  # xx xy xr yy yr rr; None likewise
+    disparity_px: float | None = None  # of what is seen there, coarsely; None where nobody knows
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -101,12 +106,63 @@ class Circles:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Beam:
+    """A rangefinder's reading and the way its beam went, in the left camera's optical frame."""
+
+    origin_m: Floats  # (3,)
+    direction: Floats  # (3,), unit length
+    range_m: float  # along it, to the first surface
+    std_m: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sensed:
+    """What other instruments than the two cameras saw at that moment."""
+
+    beams: tuple[Beam, ...] = ()
+    depth: Depth | None = None  # pixel by pixel of the left picture as recorded
+
+
+def sensed_of(pair: StereoPair, rig: Rig) -> Sensed:
+    """A pair's depth picture, and its readings where the rig says how its rangefinder looks."""
+    if rig.rangefinder is None:
+        return Sensed(depth=pair.depth)
+    origin_m, direction = rig.rangefinder.origin_m, rig.rangefinder.direction
+    beams = [
+        Beam(origin_m, direction, r.range_m, rig.rangefinder.std_m if r.std_m is None else r.std_m)
+        for r in pair.readings
+        if r.range_m is not None
+    ]
+    return Sensed(tuple(beams), pair.depth)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Look:
-    """What regions come from, and the rig, which says how large fruit are."""
+    """What regions come from, the rig, which says how large fruit are, and the other view."""
 
     picture: Picture  # rectified
     recognition: Recognition
     rectification: Rectification
+    side: Side = "left"
+    other: "Look | None" = None  # which has no other itself; None where there is one view
+    shared: dict[str, Any] = field(default_factory=dict)  # worked out for one view, used by both
+
+
+def look_both_ways(
+    pictures: Sequence[Picture],
+    recognitions: Sequence[Recognition],
+    rectification: Rectification,
+) -> tuple[Look, ...]:
+    """Looks at one view, or at two, left first, that know of each other."""
+    alone = [
+        Look(picture, recognition, rectification, side)
+        for picture, recognition, side in zip(pictures, recognitions, SIDES, strict=False)
+    ]
+    if len(alone) == 1:
+        return (alone[0],)
+    shared: dict[str, Any] = {}
+    left, right = alone
+    return replace(left, other=right, shared=shared), replace(right, other=left, shared=shared)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -203,8 +259,13 @@ class Matcher(Protocol):
 
 
 class Triangulator(Protocol):
-    """Matched fruit -> apples in space, lone fruit among them."""
+    """Matched fruit -> apples in space, lone fruit among them; other instruments may help."""
 
     def __call__(
-        self, left: ViewTrace, right: ViewTrace, matching: Matching, rectification: Rectification
+        self,
+        left: ViewTrace,
+        right: ViewTrace,
+        matching: Matching,
+        rectification: Rectification,
+        sensed: Sensed = Sensed(),  # frozen
     ) -> tuple[Apple, ...]: ...

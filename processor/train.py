@@ -1,29 +1,32 @@
 """Learn a model from lessons: colours first, then what circles mean fruit, then which match."""
 
 from collections.abc import Callable, Sequence
-from typing import Final, cast
+from dataclasses import dataclass
+from typing import Final
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import gaussian_filter
 
 from processor.colour_table import ENTRIES, ColourModel, ColourTable, pack, read_table
 from processor.count import LEAST_IOU
+from processor.crossfit import FOLDS, Fitted, cross_fit
 from processor.discs import LEAST_VISIBLE, disc_iou
-from processor.evidence import CLAIM_MEASURES, MEASURES, Claims, gather
+from processor.evidence import CLAIM_MEASURES, MEASURES, Claims
 from processor.fruit import FruitFinder, FruitModel, Proposals
 from processor.lessons import Lesson
-from processor.net import Floats32, Net, train_net
-from processor.trace import Cleaner, Floats, Look
-from recorder.records import UNCOUNTED, Labels
+from processor.net import Floats32, Net
+from processor.trace import Cleaner, Floats, Look, look_both_ways
+from recorder.records import UNCOUNTED, Labels, Picture
 
 Bytes = npt.NDArray[np.uint8]
 Flags = npt.NDArray[np.bool_]
+Folds = npt.NDArray[np.int64]
 Say = Callable[[str], None]
 
 STOPS: Final = (-1.6, -0.8, 0.0, 0.8, 1.6)  # exposures that a model must stand
 REAL_WEIGHT: Final = 0.3  # of a photograph's pixels: their boxes label by ellipses only
+CHOICE_ROUNDS: Final = 30  # more, and the held-out half gets worse
 _SHAPE: Final = (32, 64, 32)  # of a table: 5, 6 and 5 bits
 
 
@@ -31,13 +34,13 @@ def learn_colours(
     lessons: Sequence[Lesson], name: str, stops: Sequence[float] = STOPS
 ) -> ColourModel:
     """Count colours in fruit and elsewhere, smooth, divide; then the same for surroundings."""
-    colour = _count(lessons, stops, lambda picture: pack(cv2.GaussianBlur(picture, (3, 3), 0)))
-    first = ColourModel(name, colour, colour)
-    stage = ColourTable(first)
+    unknown = np.zeros(ENTRIES, np.uint8)
+    reader = ColourTable(ColourModel(name, unknown, unknown))
+    colour = _count(lessons, stops, lambda picture: pack(reader.smooth(picture)))
 
-    def around(picture: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint16]:
-        packed = pack(cv2.GaussianBlur(picture, (3, 3), 0))
-        return pack(stage.surroundings(read_table(colour, packed)))
+    def around(picture: Picture) -> npt.NDArray[np.uint16]:
+        evidence = read_table(colour, pack(reader.smooth(picture)))
+        return pack(reader.surroundings(evidence, picture.shape[1] / evidence.shape[1]))
 
     return ColourModel(name, colour, _count(lessons, stops, around))
 
@@ -45,18 +48,20 @@ def learn_colours(
 def _count(
     lessons: Sequence[Lesson],
     stops: Sequence[float],
-    entries_of: Callable[[npt.NDArray[np.uint8]], npt.NDArray[np.uint16]],
+    entries_of: Callable[[Picture], npt.NDArray[np.uint16]],
 ) -> npt.NDArray[np.uint8]:
     """(65536,) 255 times the smoothed share of fruit among the pixels of each entry."""
     fruit, other = np.zeros(ENTRIES), np.zeros(ENTRIES)
     for lesson in lessons:
-        is_fruit = (lesson.labels > 0) & (lesson.labels < UNCOUNTED)
-        is_other = lesson.labels == 0
         weight = (REAL_WEIGHT if lesson.real else 1.0) / len(stops)
         for stop in stops:
             entries = entries_of(lesson.exposed(stop).picture)
-            fruit += weight * np.bincount(entries[is_fruit], minlength=ENTRIES)
-            other += weight * np.bincount(entries[is_other], minlength=ENTRIES)
+            step = lesson.labels.shape[1] // entries.shape[1]
+            labels = lesson.labels[::step, ::step][: entries.shape[0], : entries.shape[1]]
+            is_fruit = (labels > 0) & (labels < UNCOUNTED)
+            is_other = labels == 0
+            fruit += step**2 * weight * np.bincount(entries[is_fruit], minlength=ENTRIES)
+            other += step**2 * weight * np.bincount(entries[is_other], minlength=ENTRIES)
     return _shares(fruit.reshape(_SHAPE), other.reshape(_SHAPE))
 
 
@@ -71,8 +76,16 @@ def _shares(fruit: Floats, other: Floats, prior: float = 2.0) -> npt.NDArray[np.
     return np.round(share * 255).astype(np.uint8).ravel()
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class TaughtFruit:
+    """A model, and for each fold of scenes one that never saw them."""
+
+    model: FruitModel
+    without: tuple[FruitModel, ...]
+
+
 def learn_fruit(
-    lessons: Sequence[Lesson],
+    groups: Sequence[tuple[Lesson, ...]],
     colours: ColourModel,
     clean: Cleaner,
     *,
@@ -80,56 +93,90 @@ def learn_fruit(
     rounds: int = 3,
     seed: int = 0,
     say: Say = lambda _: None,
-) -> FruitModel:
+) -> TaughtFruit:
     """Learn which circles fit fruit, then which of them are worth choosing.
 
     The first network learns on voted candidates, then again on those and on refined ones. The
-    second learns on what the greedy choice meets, by its own earlier decisions.
+    second learns on what the greedy choice meets, by its own earlier decisions. Every picture is
+    judged by networks that never saw its scene: they would be too sure of it.
+
+    Args:
+        groups: both views of a pair, or one picture alone.
+        colours: what recognises.
+        clean: how regions are made.
+        stops: exposures of rendered lessons.
+        rounds: of learning.
+        seed: of every random number.
+        say: called with a line now and then.
     """
-    recognise = ColourTable(colours)
-    shown = [
-        lesson.exposed(stop)
-        for lesson in lessons
-        for stop in (stops if not lesson.real else (0.0,))
-    ]
-    recognised = [recognise(lesson.picture) for lesson in shown]
-    cleaned = [clean(recognition) for recognition in recognised]
-    quality, choice = _undecided(MEASURES), _undecided(MEASURES + CLAIM_MEASURES)
+    shown, looks = _looks(groups, ColourTable(colours), stops)
+    cleaned = [clean(look.recognition) for look in looks]
+    quality = _nobody_knows(MEASURES)
+    choice = _nobody_knows(MEASURES + CLAIM_MEASURES)
     measures: list[Floats32] = []
     wanted: list[Floats] = []
+    folds: list[Folds] = []
     for number in range(rounds):
-        finder = FruitFinder(FruitModel(colours.name, quality, choice))
-        choices: list[tuple[Floats32, Floats, Flags]] = []
-        for place, (lesson, recognition, cleaning) in enumerate(
-            zip(shown, recognised, cleaned, strict=True)
-        ):
-            look = Look(lesson.picture, recognition, lesson.rectification)
-            proposals = finder.propose(cleaning, (seed, number, place), look)
+        models = [
+            FruitModel(colours.name, q, c)
+            for q, c in zip(quality.without, choice.without, strict=True)
+        ]
+        choices: list[tuple[Floats32, Floats, Flags, Folds]] = []
+        for place, (lesson, look, cleaning) in enumerate(zip(shown, looks, cleaned, strict=True)):
+            fold = lesson.fold
+            proposals = FruitFinder(models[fold]).propose(cleaning, (seed, number, place), look)
             circles = proposals.tried[:, :3] if number == 0 else proposals.circles
             goals, counted = fit_of(circles, lesson)
             if number == 0:
-                grey = cast("Bytes", cv2.cvtColor(lesson.picture, cv2.COLOR_BGR2GRAY))
-                gained = gather(recognition.evidence(), grey, circles).measures
+                gained = proposals.tried_measures
             else:
                 gained = proposals.evidence.measures
-                choices.append(_choices(proposals, lesson, choice, number > 1))
+                met = _choices(proposals, lesson, models[fold].choice, number > 1)
+                choices.append((*met, np.full(len(met[1]), fold)))
             measures.append(gained[counted])
             wanted.append(goals[counted])
-        quality = train_net(
-            np.concatenate(measures), np.concatenate(wanted), seed=seed, hidden=(32, 16)
-        )
+            folds.append(np.full(int(counted.sum()), fold))
+        quality = cross_fit(
+            np.concatenate(measures), np.concatenate(wanted), np.concatenate(folds),
+            seed=seed, hidden=(32, 16),
+        )  # fmt: skip
         say(f"round {number}: {sum(map(len, wanted))} circles")
         if choices:
-            x, y, w = (np.concatenate(parts) for parts in zip(*choices, strict=True))
-            choice = train_net(x, y, weight=w.astype(float), seed=seed, hidden=(32, 16), rounds=60)
+            x, y, w, f = (np.concatenate(parts) for parts in zip(*choices, strict=True))
+            choice = cross_fit(
+                x, y, f, weight=w.astype(float), seed=seed, hidden=(32, 16), rounds=CHOICE_ROUNDS
+            )
             say(f"round {number}: {int(w.sum())} choices, {int(y[w].sum())} right")
-    return FruitModel(colours.name, quality, choice)
+    return TaughtFruit(
+        FruitModel(colours.name, quality.whole, choice.whole),
+        tuple(
+            FruitModel(colours.name, q, c)
+            for q, c in zip(quality.without, choice.without, strict=True)
+        ),
+    )
 
 
-def _undecided(measures: int) -> Net:
-    """A network that says a half of everything."""
+def _looks(
+    groups: Sequence[tuple[Lesson, ...]], recognise: ColourTable, stops: Sequence[float]
+) -> tuple[list[Lesson], list[Look]]:
+    """Every picture of the groups at every exposure, and a look at it that knows the other view."""
+    lessons: list[Lesson] = []
+    looks: list[Look] = []
+    for group in groups:
+        for stop in stops if not group[0].real else (0.0,):
+            exposed = [lesson.exposed(stop) for lesson in group]
+            pictures = [lesson.picture for lesson in exposed]
+            recognitions = [recognise(picture) for picture in pictures]
+            lessons += exposed
+            looks += look_both_ways(pictures, recognitions, group[0].rectification)
+    return lessons, looks
+
+
+def _nobody_knows(measures: int) -> Fitted:
+    """Networks that say a half of everything."""
     nothing = np.zeros(measures, np.float32)
-    return Net(nothing, nothing, (nothing[:, None],), (np.zeros(1, np.float32),))
+    net = Net(nothing, nothing, (nothing[:, None],), (np.zeros(1, np.float32),))
+    return Fitted(net, (net,) * FOLDS)
 
 
 def fit_of(circles: Floats, lesson: Lesson) -> tuple[Floats, Flags]:

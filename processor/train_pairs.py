@@ -4,18 +4,20 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 from scipy.optimize import minimize
 
 from processor.assign import Assignment, MatchModel
 from processor.clean import SizeFloor
 from processor.colour_table import ColourModel, ColourTable
 from processor.count import LEAST_IOU
+from processor.crossfit import cross_fit
 from processor.discs import LEAST_VISIBLE, disc_iou
 from processor.fruit import FruitFinder, FruitModel
 from processor.lessons import Lesson
-from processor.net import Floats32, Net, train_net
+from processor.net import Floats32, Net
 from processor.ranging import Disparities, RangeModel, measure
-from processor.trace import Floats, Look, Matching, ViewTrace
+from processor.trace import Floats, Matching, ViewTrace, look_both_ways
 from processor.train import on_uncounted
 
 Say = Callable[[str], None]
@@ -41,22 +43,25 @@ class Seen:
 def see(
     pairs: Sequence[tuple[Lesson, Lesson]],
     colours: ColourModel,
-    fruit: FruitModel,
+    fruit: Sequence[FruitModel],
     stops: Sequence[float] = (0.0, -1.0, 1.0),
 ) -> list[Seen]:
-    """Find the fruit of every pair, at several exposures."""
-    recognise, clean, finder = ColourTable(colours), SizeFloor(), FruitFinder(fruit)
+    """Find the fruit of every pair, at several exposures, by the model that never saw its fold."""
+    recognise, clean = ColourTable(colours), SizeFloor()
     found = []
     for number, pair in enumerate(pairs):
+        finder = FruitFinder(fruit[pair[0].fold])
         for stop in stops:
             lessons = (pair[0].exposed(stop), pair[1].exposed(stop))
+            pictures = [lesson.picture for lesson in lessons]
+            recognitions = [recognise(picture) for picture in pictures]
             views = []
-            for side, lesson in enumerate(lessons):
-                recognition = recognise(lesson.picture)
-                cleaning = clean(recognition)
-                look = Look(lesson.picture, recognition, lesson.rectification)
+            for side, look in enumerate(
+                look_both_ways(pictures, recognitions, lessons[0].rectification)
+            ):
+                cleaning = clean(look.recognition)
                 circles = finder(cleaning, (number, side), look)
-                views.append(ViewTrace(lesson.picture, recognition, cleaning, circles))
+                views.append(ViewTrace(look.picture, look.recognition, cleaning, circles))
             apples = [_apples(v, lesson) for v, lesson in zip(views, lessons, strict=True)]
             found.append(Seen(lessons, (views[0], views[1]), (apples[0], apples[1])))
     return found
@@ -82,15 +87,18 @@ def learn_matches(seen: Sequence[Seen], name: str, say: Say = lambda _: None) ->
     judge = Assignment(MatchModel(name, Net(nothing, nothing, (), ())))
     measures: list[Floats32] = []
     right: list[Floats] = []
+    folds: list[npt.NDArray[np.int64]] = []
     for pair in seen:
         rows, columns, gained = judge.judge(*pair.views, pair.lessons[0].rectification)
         a, b = pair.apples[0][rows], pair.apples[1][columns]
         counted = (a != -2) & (b != -2)
         measures.append(gained[counted])
         right.append(((a == b) & (a >= 0))[counted].astype(float))
-    x, y = np.concatenate(measures), np.concatenate(right)
+        folds.append(np.full(int(counted.sum()), pair.lessons[0].fold))
+    x, y, f = np.concatenate(measures), np.concatenate(right), np.concatenate(folds)
     say(f"{len(y)} pairs, {int(y.sum())} right")
-    return MatchModel(name, train_net(x, y, hidden=(16, 8), rounds=80))
+    fitted = cross_fit(x, y, f, hidden=(16, 8), rounds=50)
+    return MatchModel(name, fitted.whole)
 
 
 def learn_range(seen: Sequence[Seen], name: str, say: Say = lambda _: None) -> RangeModel:

@@ -8,7 +8,8 @@ import numpy as np
 from annotated_types import Ge
 
 from processor.ranging import OutlineRange
-from processor.trace import Apple, Fruit, Matching, Triangulator, ViewTrace
+from processor.trace import Apple, Fruit, Matching, Sensed, Triangulator, ViewTrace
+from processor.with_reading import DepthRange, FusedRange, ReadingRange
 from recorder.rectify import Rectification
 
 
@@ -26,7 +27,12 @@ class Parallel:
     min_disparity_px: Annotated[float, Ge(0)] = 1.0
 
     def __call__(
-        self, left: ViewTrace, right: ViewTrace, matching: Matching, rectification: Rectification
+        self,
+        left: ViewTrace,
+        right: ViewTrace,
+        matching: Matching,
+        rectification: Rectification,
+        sensed: Sensed = Sensed(),  # noqa: ARG002, B008  # stereo alone; frozen
     ) -> tuple[Apple, ...]:
         """Place every match; fruit alone, or in an impossible match, follow without a place."""
         apples = []
@@ -68,4 +74,7 @@ class Parallel:
 TRIANGULATE: Final[dict[str, type[Triangulator]]] = {
     "parallel": Parallel,
     "outline_range": OutlineRange,
+    "reading_range": ReadingRange,
+    "depth_range": DepthRange,
+    "fused_range": FusedRange,
 }

@@ -61,9 +61,37 @@ def test_the_surroundings_are_means_over_three_widths() -> None:
     evidence = np.zeros((128, 128), np.uint8)
     evidence[:, 64:] = 255
     wide, close, near = cv2.split(
-        ColourTable(ColourModel("t", *[identity()] * 2)).surroundings(evidence)
+        ColourTable(ColourModel("t", *[identity()] * 2)).surroundings(evidence, 1)
     )
     assert close[64, 66] == near[64, 71] == 255
     assert close[64, 61] == near[64, 57] == 0
     assert 0 < near[64, 60] < 128
     assert 0 < wide[64, 45] < wide[64, 60] < wide[64, 85] < 255
+
+
+def test_a_large_picture_is_read_at_half_its_size_and_answered_at_its_own() -> None:
+    stage = ColourTable(ColourModel("t", *[identity()] * 2), halved_from_px=900_000)
+    large = np.zeros((1000, 1000, 3), np.uint8)
+    large[:, 500:] = 255
+    assert stage.smooth(large).shape == (500, 500, 3)
+    found = stage(large)
+    assert found.index.shape == found.mask.shape == (1000, 1000)
+    edge = np.flatnonzero(np.diff(found.mask[500].astype(int)))
+    assert edge.tolist() == [499]  # where it is
+    assert stage.smooth(large[:600, :600]).shape == (600, 600, 3)
+
+
+@pytest.mark.parametrize("size_px", [100, 1000])
+def test_pixels_that_were_clipped_are_named(size_px: int) -> None:
+    picture = np.full((size_px, size_px, 3), 120, np.uint8)
+    third = size_px // 3
+    picture[:third] = 0
+    picture[-third:, :, 2] = 255  # one channel is enough: its colour is no longer the fruit's
+    found = ColourTable(ColourModel("t", *[identity()] * 2), halved_from_px=900_000)(
+        picture
+    ).clipped
+    assert found is not None
+    assert found.shape == (size_px, size_px)
+    assert (found[: third - 4] == 255).all()
+    assert (found[third + 4 : -third - 4] == 0).all()
+    assert (found[4 - third :] == 255).all()

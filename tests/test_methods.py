@@ -5,13 +5,16 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from processor.circles import RandomRing
 from processor.locate import Locator
 from processor.methods import METHODS, STAGES, describe, load_method, locator_from, to_toml
 from processor.recognise import ColourRatio, TwoRedMinusGreenBlue
+from processor.trace import Beam, Sensed
 from recorder.errors import PomologError
+from recorder.records import Depth
 from recorder.rectify import rectify
 from tests.scenes import apple, located, pair_of, small_rig
 
@@ -19,7 +22,10 @@ ALTERNATIVES = [(stage, name) for stage, table in STAGES.items() for name in tab
 
 
 def assert_finds_the_apple(locator: Locator) -> None:
-    trace = locator(*pair_of(small_rig(), apple(1)), rectify(small_rig()))
+    front = Beam(np.zeros(3), np.array([0.0, 0.0, 1.0]), 0.36, 0.001)
+    depth = Depth(0, "32FC1", np.full((240, 320), 0.36, "<f4").tobytes(), (320, 240))
+    sensed = Sensed((front,), depth)  # for stages that want it
+    trace = locator(*pair_of(small_rig(), apple(1)), rectify(small_rig()), sensed=sensed)
     ((_, _, z_m),) = located(trace)
     # 4 px of 60 px disparity: what two circles of a 5 px ring may be off
     assert z_m == pytest.approx(0.4, rel=4 / 60)

@@ -10,7 +10,7 @@ from time import perf_counter_ns
 from typing import Any
 
 from processor.locate import Locator
-from processor.trace import Look, Seed, Trace, ViewTrace
+from processor.trace import Seed, Sensed, Trace, ViewTrace, look_both_ways
 from recorder.records import SIDES, Picture
 from recorder.rectify import Rectification
 
@@ -23,6 +23,7 @@ def locate_all(
     right: Picture,
     rectification: Rectification,
     seed: Seed = (0, 0),
+    sensed: Sensed = Sensed(),  # noqa: B008  # frozen
 ) -> Iterator[tuple[int, Trace]]:
     """Locate the apples of one pair with every locator.
 
@@ -32,6 +33,7 @@ def locate_all(
         right: the same of the right camera.
         rectification: the rig's.
         seed: (run seed, frame).
+        sensed: what other instruments saw then.
 
     Yields:
         (place of the locator, its trace), branch by branch; the stage times are what the stage
@@ -45,14 +47,11 @@ def locate_all(
     for recognise, those in branches(locators, everyone, "recognise"):
         recognitions = [recognise(picture) for picture in pictures]
         recognised = start | {"recognise": clock.lap()}
-        looks = [
-            Look(picture, recognition, rectification)
-            for picture, recognition in zip(pictures, recognitions, strict=True)
-        ]
         for clean, cleaners in branches(locators, those, "clean"):
             cleanings = [clean(recognition) for recognition in recognitions]
             cleaned = recognised | {"clean": clock.lap()}
             for circles, finders in branches(locators, cleaners, "circles"):
+                looks = look_both_ways(pictures, recognitions, rectification)
                 views = [
                     ViewTrace(
                         look.picture,
@@ -67,7 +66,7 @@ def locate_all(
                     matching = match(views[0], views[1], rectification)
                     matched = circled | {"match": clock.lap()}
                     for triangulate, leaves in branches(locators, matchers, "triangulate"):
-                        apples = triangulate(views[0], views[1], matching, rectification)
+                        apples = triangulate(views[0], views[1], matching, rectification, sensed)
                         times = matched | {"triangulate": clock.lap()}
                         for place in leaves:
                             yield place, Trace(views[0], views[1], matching, apples, times)
