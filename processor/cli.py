@@ -94,11 +94,9 @@ def methods(
         return
     for known, locator in METHODS.items():
         stages = describe(locator)
-        print(
-            f"{known:18} {', '.join(stages[s]['use'] for s in ('recognise', 'circles', 'match'))}"
-        )
-        if known in LIMITS:
-            print(f"{'':18} ({LIMITS[known]})")
+        uses = ", ".join(stages[s]["use"] for s in ("recognise", "circles", "match"))
+        limit = f"; {LIMITS[known]}" if known in LIMITS else ""
+        print(f"{known:18} {uses}{limit}")
 
 
 def _count_pairs(sessions: list[Path]) -> int:

@@ -81,7 +81,8 @@ METHODS: Final[dict[str, Locator]] = {
 
 # what a method cannot do, for people who choose one
 LIMITS: Final[dict[str, str]] = {
-    "pomolog": "learned of red and bi-coloured apples; on green and yellow ones it finds nothing",
+    "pomolog": "for red and bi-coloured apples, not for green or yellow ones",
+    "pomolog-fast": "the same, in less time",
 }
 
 
