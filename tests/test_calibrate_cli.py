@@ -14,6 +14,7 @@ from recorder.calibrate.sources import source_of
 from recorder.errors import PomologError
 from recorder.records import SIDES, Frame, RangeReading
 from recorder.rig import Rig, load_rig
+from recorder.rig_files import write_rig
 from recorder.session_writer import SessionWriter
 from tests.boards import CHESSBOARD, Shown, poses
 from tests.builders import DATA, SECOND_NS, rangefinder, real_rig, rotation_of
@@ -64,8 +65,6 @@ def test_a_session_of_a_board_gives_cameras_and_beam(tmp_path: Path) -> None:
 
 
 def test_a_rig_is_converted_and_back(tmp_path: Path) -> None:
-    from recorder.rig_files import write_rig
-
     write_rig(RIG, tmp_path / "rig.toml")
     assert run("rig", "convert", tmp_path / "rig.toml", "-o", tmp_path / "ros").exit_code == 0
     pair = [tmp_path / "ros" / f"{side}.yaml" for side in ("left", "right")]
@@ -145,13 +144,17 @@ def needs(path: Path) -> None:
 @pytest.mark.slow
 def test_opencvs_chessboards_are_calibrated_as_well_as_by_opencv(tmp_path: Path) -> None:
     needs(BOARDS)
+    write_rig(RIG, tmp_path / "rig.toml")  # by a ruler; its beam is to stay
     result = run("calibrate", BOARDS, "--board", "chessboard:9x6:25mm", "--json",
                  "-o", tmp_path / "rig.toml")  # fmt: skip
     said = json.loads(result.stdout)
     assert said["views_used"] == 13
     assert said["stereo_rms_px"] <= 0.217  # OpenCV's own, by the set's README
     assert said["spacing"]["median_m"] == pytest.approx(0.025, rel=0.005)
-    assert load_rig(tmp_path / "rig.toml").baseline_m == said["baseline_m"]
+    written = load_rig(tmp_path / "rig.toml")
+    assert written.baseline_m == said["baseline_m"]
+    assert written.rangefinder is not None
+    assert "stays as it was" in result.stderr
 
 
 @pytest.mark.slow

@@ -16,7 +16,7 @@ from recorder.calibrate.trust import Trust, trust
 from recorder.calibrate.views import Sighting, why_not
 from recorder.records import SIDES, Side
 from recorder.rectify import rectify
-from recorder.rig import Floats, Rig
+from recorder.rig import Floats, Rangefinder, Rig
 
 FEW_VIEWS: Final = 8
 COVERED: Final = 0.6  # of the picture's cells should have corners
@@ -55,6 +55,10 @@ class Calibration:
     def with_beam(self, beam: BeamFit) -> "Calibration":
         """The same with a rangefinder in the rig."""
         return replace(self, rig=replace(self.rig, rangefinder=beam.rangefinder), beam=beam)
+
+    def with_rangefinder(self, rangefinder: Rangefinder) -> "Calibration":
+        """The same with a rangefinder that was known before."""
+        return replace(self, rig=replace(self.rig, rangefinder=rangefinder))
 
     def as_json(self) -> dict[str, Any]:
         """What `calibrate --json` prints."""

@@ -81,7 +81,7 @@ def calibrate(
     from recorder.calibrate.board import FORM, parse_board
     from recorder.calibrate.calibration import calibrate as run
     from recorder.calibrate.lens import as_lens
-    from recorder.calibrate.readings import known_beam, readings_on_board
+    from recorder.calibrate.readings import beam_of_file, known_beam, readings_on_board
     from recorder.calibrate.report import write_report
     from recorder.calibrate.sources import source_of
     from recorder.calibrate.views import sight
@@ -106,6 +106,10 @@ def calibrate(
     if source.session is not None and rangefinder:
         readings = readings_on_board(source.session, found.fit)
         found = found.with_beam(fit_beam(readings, known_beam(source.session)))
+    kept = beam_of_file(out) if out and not found.beam else None
+    if kept is not None:
+        found = found.with_rangefinder(kept)
+        typer.echo(f"the rangefinder of {out} stays as it was; --rangefinder finds it", err=True)
     for line in found.warnings:
         typer.echo(f"warning: {line}", err=True)
     written = write_rig(found.rig, out) if out else ()

@@ -9,7 +9,7 @@ from recorder.calibrate.beam import Ball, Plane, Reading
 from recorder.calibrate.fit import Fit
 from recorder.errors import PomologError
 from recorder.records import RangeReading, StereoPair
-from recorder.rig import Rangefinder
+from recorder.rig import Rangefinder, load_rig
 from recorder.session import Session
 
 
@@ -59,6 +59,14 @@ def known_beam(path: Path) -> Rangefinder | None:
     """The rangefinder of the session's own rig, by whatever means it came there."""
     with Session(path) as session:
         return session.rig.rangefinder
+
+
+def beam_of_file(path: Path) -> Rangefinder | None:
+    """The rangefinder of a rig that is about to be written anew; None where there is none."""
+    try:
+        return load_rig(path).rangefinder
+    except PomologError:
+        return None
 
 
 def _nearest(pair: StereoPair) -> RangeReading | None:
