@@ -145,6 +145,15 @@ def test_a_killed_sweep_goes_on_where_it_was(
     assert ours.equals(theirs)
 
 
+def test_a_worker_that_is_killed_is_one_line(
+    command: Command, method: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("processor.pool._end_with_parent", os.abort)
+    said = command("sweep", session(tmp_path), *VARY, "-o", tmp_path / "out", "--method", method,
+                   "--workers", 2)  # fmt: skip
+    assert_one_line(said, "a worker was killed", "--workers")
+
+
 def test_another_grid_throws_the_old_slices_away(
     command: Command, method: Path, tmp_path: Path
 ) -> None:

@@ -9,6 +9,7 @@ import hashlib
 import json
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
@@ -19,6 +20,7 @@ import cv2
 
 from processor.experiments.material import Source
 from processor.pool import processes
+from recorder.errors import PomologError
 from recorder.files import replacing
 from recorder.pictures import decode
 from recorder.records import Labels, Picture, Side, StereoPair
@@ -131,6 +133,11 @@ class Bench:
                 for done in as_completed(started):
                     done.result()
                     self.tick(len(started[done].places))
+            except BrokenProcessPool:
+                raise PomologError(
+                    "a worker was killed, perhaps for want of memory; run the same command again "
+                    "with fewer --workers, it goes on"
+                ) from None
             except BaseException:
                 for future in started:
                     future.cancel()
