@@ -351,6 +351,39 @@ def test_packed_depth_is_unpacked(tmp_path: Path, kind: str) -> None:
         assert np.allclose(found[steps > 0], first / (steps[steps > 0] + 5.0), rtol=1e-6)
 
 
+def test_depth_in_a_plain_png_is_depth_and_no_picture(tmp_path: Path) -> None:
+    steps = np.random.default_rng(2).integers(0, 3000, (48, 64), dtype=np.uint16)
+    png = cv2.imencode(".png", steps)[1].tobytes()
+    ros = Ros(tmp_path)
+    ros.info("/color/camera_info", START_NS)
+    ros.image("/color/image_raw", START_NS, small_picture(0), "bgr8")
+    ros.compressed("/depth/image/compressed", START_NS, png, "16UC1; png compressed ",
+                   "left_optical")  # fmt: skip
+    folder = ros.write()
+    imported(folder, tmp_path / "s.mcap")
+    with Session(tmp_path / "s.mcap") as session:
+        (depth,) = session.depths()
+    assert depth.data == steps.tobytes()
+    assert "holds depth" in refusal(folder, topics={"left": "/depth/image/compressed"})
+
+
+def test_a_mosaic_packed_as_a_grey_jpeg_is_no_picture(tmp_path: Path) -> None:
+    # what compressed_image_transport makes of Bayer: its colours would be lost without a word
+    grey = cv2.imencode(".jpg", small_picture(0)[..., 0])[1].tobytes()
+    for kind, refused in (
+        ("bayer_rggb8; jpeg compressed ", True),
+        ("bayer_rggb8; jpeg compressed bgr8", False),
+    ):
+        ros = Ros(tmp_path, f"bag{refused}")
+        ros.info("/left/camera_info", START_NS)
+        ros.compressed("/left/image_raw/compressed", START_NS, grey, kind, "left_optical")
+        folder = ros.write()
+        if refused:
+            assert "a Bayer mosaic packed as if it were grey" in refusal(folder)
+        else:
+            assert imported(folder, tmp_path / "s.mcap").left == 1
+
+
 def test_depth_that_is_not_aligned_is_not_taken_for_aligned(tmp_path: Path) -> None:
     folder = rgbd_bag(tmp_path, np.ones((40, 60), np.uint16), "16UC1")
     assert assign_roles(Bag(folder), {}).depth is None

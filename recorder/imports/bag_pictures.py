@@ -56,7 +56,8 @@ _DEPTHS: Final[dict[str, DepthEncoding]] = {"16UC1": "16UC1", "mono16": "16UC1",
 def is_depth(image: BagImage) -> bool:
     """Whether a picture holds distances."""
     if image.size_px is None:
-        return "compressedDepth" in image.encoding
+        packed = image.encoding.split(";")[0].strip()
+        return "compressedDepth" in image.encoding or packed in _DEPTHS
     return image.encoding in _DEPTHS
 
 
@@ -73,8 +74,13 @@ def picture_size_px(image: BagImage, topic: str) -> tuple[int, int]:
         raise PomologError(
             f"{topic} has {image.encoding[:40] or 'empty'} pictures; export it as JPEG or raw first"
         )
-    data = image.data[_COMPRESSED_DEPTH.size :] if is_depth(image) else image.data
-    return identify(data, where)[1]
+    return identify(_packed(image), where)[1]
+
+
+def _packed(image: BagImage) -> bytes:
+    """The picture file in a compressed message; depth's own transport puts a header before it."""
+    start = _COMPRESSED_DEPTH.size if "compressedDepth" in image.encoding else 0
+    return image.data[start:]
 
 
 def to_frame(image: BagImage, side: Side, time_ns: int, sequence: int, topic: str) -> Frame:
@@ -88,6 +94,12 @@ def to_frame(image: BagImage, side: Side, time_ns: int, sequence: int, topic: st
         if is_depth(image):
             raise PomologError(f"{topic} holds depth, not pictures; give it with --depth {topic}")
         picture_size_px(image, topic)
+        before, _, after = image.encoding.partition(";")
+        if before.strip().startswith("bayer") and not after.strip().endswith(("bgr8", "rgb8")):
+            raise PomologError(
+                f"{topic} holds a Bayer mosaic packed as if it were grey ({image.encoding[:40]}); "
+                "record its raw topic, or its colours"
+            )
         encoding, size_px = identify(image.data, where)
         verify(image.data, where)
         return Frame(side, time_ns, encoding, image.data, size_px, sequence)
@@ -144,15 +156,17 @@ def _rows(image: BagImage, bytes_each: int, where: str) -> Pixels:
 def _unpacked(image: BagImage, time_ns: int, topic: str) -> Depth:
     """compressed_depth_image_transport: a PNG of millimetres, or of quantised inverse metres."""
     where = f"a depth picture of {topic}"
-    png = image.data[_COMPRESSED_DEPTH.size :]
-    if len(image.data) <= _COMPRESSED_DEPTH.size or "rvl" in image.encoding.lower():
+    png = _packed(image)
+    inverse = image.encoding.startswith("32FC1")
+    plain = "compressedDepth" not in image.encoding
+    if not png or "rvl" in image.encoding.lower() or (inverse and plain):
         raise PomologError(f"{where} is packed as {image.encoding[:40]!r}; PNG can be read")
     encoding, size_px = identify(png, where)
     verify(png, where)
     steps = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_UNCHANGED)
     if encoding != "png" or steps is None or steps.dtype != np.uint16 or steps.ndim != 2:
         raise PomologError(f"{where} is no 16-bit PNG; is it damaged?")
-    if image.encoding.startswith("32FC1"):
+    if inverse:
         _, first, second = _COMPRESSED_DEPTH.unpack_from(image.data)
         with np.errstate(all="ignore"):
             metres = np.where(steps > 0, first / (steps.astype(float) - second), np.nan)

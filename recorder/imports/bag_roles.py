@@ -177,6 +177,7 @@ def _guess_depth(cameras: Mapping[str, _Camera], left: str | None) -> str | None
     aligned = [
         c for c in cameras.values()
         if c.depth
+        and c.topic.name != left
         and c.size_px == view.size_px
         and c.first.stamp.frame_id in ("", view.first.stamp.frame_id)
     ]  # fmt: skip

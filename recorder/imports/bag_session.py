@@ -138,6 +138,8 @@ def import_bag(
             _write(session, item, keep_readings="/pomolog/rangefinder" not in bag.topics)
             seen[item.role].append(item.time_ns)
             tick()
+        if not seen["left"]:
+            raise PomologError(f"no left picture came out of {roles.left} in {bag.path}")
         for name, entries in bag.records.items():
             session.add_metadata(name, entries)
     return _outcome(plan, seen)
