@@ -412,6 +412,7 @@ def test_pairs_are_guessed_from_their_names(tmp_path: Path) -> None:
         ("/cam0/image_raw", "/cam1/image_raw"),
         ("/camera_1/image", "/camera_2/image"),
         ("/img_left", "/img_right"),
+        ("/leftcam/left_image", "/rightcam/right_image"),
     ):
         found = roles_of(tmp_path, right, left)
         assert (found.left, found.right) == (left, right)

@@ -146,7 +146,7 @@ def _guess_views(
     for camera in views:
         for one, other in _PAIRS:
             name = camera.topic.name
-            partner = re.sub(rf"{one}(?![a-z0-9])", other, name) if one in name else name
+            partner = re.sub(rf"{one}(?![0-9])", other, name) if one in name else name
             if partner != name and partner in named:
                 pairs.append((camera, named[partner]))
                 break
