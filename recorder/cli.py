@@ -68,7 +68,8 @@ def info(session: SessionArgument, as_json: AsJson = False) -> None:
         print(f"  {topic:20} {count:7}")
     for title, entries in (("about", found.metadata), ("ledger", found.ledger)):
         for key, value in sorted(entries.items()):
-            print(f"  {title}: {key} = {value}")
+            long = f"... ({len(value)} characters; see them with --json)"
+            print(f"  {title}: {key} = {value if len(value) <= 200 else long}")
 
 
 @app.command(epilog="Example: pomolog check sessions/demo.mcap --plot gaps.png")
