@@ -26,6 +26,7 @@ from recorder.rectify import rectify
 from recorder.session import Session
 
 PAPER_CYCLE_MS: Final = 2350  # Sec. 3.3, on a Core 2 Duo of 2.4 GHz
+TIMED: Final = ("paper", "pomolog", "pomolog-fast")
 # 4:4:4 at quality 95, as a camera for this work should record
 JPEG: Final = [
     cv2.IMWRITE_JPEG_QUALITY, 95,
@@ -46,6 +47,9 @@ def steps(pair: StereoPair, session: Session) -> dict[str, Step]:
         "decode": lambda: [decode(jpeg) for jpeg in jpegs],
         "paper": lambda: METHODS["paper"](left, right, rectification, (0, pair.index)),
         "pomolog": lambda: METHODS["pomolog"](left, right, rectification, (0, pair.index)),
+        "pomolog-fast": lambda: METHODS["pomolog-fast"](
+            left, right, rectification, (0, pair.index)
+        ),
         "HoughCircles": lambda: [_hough(grey) for grey in greys],
         "StereoSGBM": lambda: matcher.compute(*greys),
     }
@@ -91,13 +95,13 @@ def main() -> None:
     for column in ("ratio", "median", "10% to 90%"):
         shown.add_column(column, justify="left" if column == "ratio" else "right")
     peers = (("decode", "JPEG decode"), ("HoughCircles",) * 2, ("StereoSGBM",) * 2)
-    for method, (name, below) in itertools.product(("paper", "pomolog"), peers):
+    for method, (name, below) in itertools.product(TIMED, peers):
         ratios = [a / b for a, b in zip(seconds[method], seconds[name], strict=True)]
         low, high = np.percentile(ratios, [10, 90])
         shown.add_row(
             f"locate ({method}) / {below}", f"{median(ratios):.2f}", f"{low:.2f} - {high:.2f}"
         )
-    for method in ("paper", "pomolog"):
+    for method in TIMED:
         cycle = median(seconds[method]) + median(seconds["decode"])
         share = f"{cycle * 1e3 / PAPER_CYCLE_MS:.3f}"
         shown.add_row(f"decode + locate ({method}) / the paper's cycle of 2350 ms", share, "")
