@@ -1,0 +1,41 @@
+"""A whole model learned from a small session."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from processor.methods import learned
+from processor.model_file import load_model
+from processor.teach import teach
+from recorder.errors import PomologError
+from recorder.rectify import rectify
+from recorder.session_writer import SessionWriter
+from tests.scenes import apple, located, pair_of, small_rig, stereo_session
+
+
+@pytest.mark.slow
+def test_a_model_learned_of_drawn_apples_locates_one(tmp_path: Path) -> None:
+    frames = [[apple(1, 0.02 * k - 0.05, 0.02 * (k % 3) - 0.02, 0.4 + 0.02 * k)] for k in range(6)]
+    path = stereo_session(tmp_path / "train.mcap", frames)
+    out = tmp_path / "mine.npz"
+    teach([path], None, out)
+    said = json.loads(out.with_suffix(".json").read_text())
+    assert (said["model"], said["sessions"][0]["pairs"]) == ("mine", 6)
+    locator = learned(load_model(str(out)))
+    trace = locator(*pair_of(small_rig(), apple(1)), rectify(small_rig()))
+    assert any(z_m == pytest.approx(0.4, rel=4 / 60) for _, _, z_m in located(trace))
+
+
+@pytest.mark.parametrize("split", ["test", "both"])
+def test_a_session_with_pairs_of_the_test_split_is_refused(split: str, tmp_path: Path) -> None:
+    path = tmp_path / "s.mcap"
+    with SessionWriter.create(path, small_rig(), {"split": split}):
+        pass
+    with pytest.raises(PomologError, match="--split train"):
+        teach([path], None, tmp_path / "mine.npz")
+
+
+def test_a_model_has_its_own_ending(tmp_path: Path) -> None:
+    with pytest.raises(PomologError, match=r"\.npz"):
+        teach([], None, tmp_path / "mine.txt")
