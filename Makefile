@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 RUN := $(VENV)/bin
 
-.PHONY: demo test lint bench docs sessions format clean
+.PHONY: demo test lint bench docs docs-pictures sessions format clean
 
 demo: $(VENV)/ready
 	$(RUN)/pomolog demo
@@ -21,6 +21,9 @@ bench: $(VENV)/ready-dev
 
 docs: $(VENV)/ready-dev # the site of docs/, in results/site/index.html
 	$(RUN)/python -m sphinx --builder html --nitpicky --fail-on-warning --quiet docs results/site
+
+docs-pictures: $(VENV)/ready-dev # of docs/debugging.md; needs Mesa's Vulkan (mesa-vulkan-drivers)
+	$(RUN)/python -m tests.visual.debugging
 
 sessions: $(VENV)/ready-orchard # about an hour; also needs LLVM 19 (on Debian: libllvm19)
 	$(RUN)/python sessions/make_sessions.py

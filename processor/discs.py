@@ -56,7 +56,7 @@ def true_discs(
         said = [a.left_visible if side == "left" else a.right_visible for a in truth.apples]
         visible = np.array([np.nan if v is None else v for v in said], float)
         visible[~ahead] = 0.0
-        if labels is not None:
+        if labels is not None and np.isnan(visible).any():
             visible = _seen(visible, truth, circles, labels)
         circles[~ahead] = 0.0
         outside = _outside(circles, rectification.view(side).camera.size_px)

@@ -24,7 +24,7 @@ import cv2
 
 from processor.count import count_frame
 from processor.locate import Locator
-from processor.methods import describe, models_of
+from processor.methods import describe, models_of, to_toml
 from processor.pool import processes
 from processor.recordings import join_recordings
 from processor.results import TABLES, Rows, join_tables, read_table, rows_of, write_tables
@@ -285,7 +285,8 @@ def run_slice(job: Job, tick: Tick = lambda _: None) -> None:
             drawing = stack.enter_context(
                 RrdWriter(
                     part / "trace.rrd",
-                    f"{session.name}-{session.fingerprint}",
+                    # methods side by side in one window or catalogue are told apart by it
+                    f"{session.name}-{session.fingerprint}-{Path(job.method).stem}",
                     session.rig,
                     rectification,
                     first_ns=int(session.pair_times_ns()[0, 0]),
@@ -293,7 +294,11 @@ def run_slice(job: Job, tick: Tick = lambda _: None) -> None:
                 )
             )
             if job.start == 0:
-                drawing.write_session(session, f"replayed with method {job.method}")
+                drawing.write_session(
+                    session,
+                    f"replayed with method {job.method}",
+                    to_toml(job.method, job.locator),
+                )
         for pair in session.pairs(job.start, job.stop):
             before = perf_counter_ns()
             left, right = decode(pair.left), decode(pair.right)

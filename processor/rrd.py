@@ -20,7 +20,13 @@ import rerun_bindings
 from processor.count import FrameCounts
 from processor.palette import ALONE, ESTIMATE, FALSE, HIT, REJECTED
 from processor.rrd_numbers import draw_charts, draw_numbers
-from processor.rrd_pictures import index_picture, joined_picture, mask_picture, recorded
+from processor.rrd_pictures import (
+    index_picture,
+    joined_picture,
+    known_fruit,
+    mask_picture,
+    recorded,
+)
 from processor.rrd_session import (
     draw_beam,
     draw_exposure,
@@ -106,9 +112,18 @@ class RrdWriter:
         if kind is None:
             self._path.write_bytes(data or b"")
 
-    def write_session(self, session: Session, heading: str) -> None:
-        """Draw what the session says of itself as a whole: once, in its first part."""
+    def write_session(self, session: Session, heading: str, method: str = "") -> None:
+        """Draw what the session says of itself as a whole: once, in its first part.
+
+        Args:
+            session: to be told.
+            heading: one line of what is shown of it.
+            method: every parameter, as TOML; empty where nobody looks for fruit.
+        """
         draw_session(self._rec, session, heading)
+        if method:
+            text = rr.TextDocument(f"```\n{method}\n```", media_type=rr.MediaType.MARKDOWN)
+            self._rec.log("method", text, static=True)
 
     def write(self, pair: StereoPair, trace: Trace, counts: FrameCounts, decode_ns: int) -> None:
         """Draw one frame with all that was found in it."""
@@ -143,12 +158,13 @@ class RrdWriter:
     def _draw_view(self, side: Side, pair: StereoPair, trace: Trace) -> None:
         root, view, truth = f"world/{side}", trace.view(side), pair.truth
         labels = None if truth is None else truth.left if side == "left" else truth.right
+        known = None
         if labels is not None:
-            labels = self._rectification.view(side).labels(labels)
+            known = known_fruit(self._rectification.view(side).labels(labels))
         partial = truth is not None and truth.partial
         self._rec.log(f"index/{side}", index_picture(view.recognition))
         for name, mask in (("mask", view.recognition.mask), ("cleaned", view.cleaning.mask)):
-            self._rec.log(f"{root}/{name}", mask_picture(mask, labels, partial=partial))
+            self._rec.log(f"{root}/{name}", mask_picture(mask, known, partial=partial))
         contours = [_thinned(region.contour_px) for region in view.cleaning.regions]
         self._rec.log(f"{root}/contours", rr.LineStrips2D(contours, radii=-0.5, colors=CONTOUR))
         self._rec.log(f"{root}/tried", _rings(view.circles.tried))

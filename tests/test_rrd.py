@@ -22,7 +22,7 @@ from processor.palette import ESTIMATE, FALSE
 from processor.recordings import join_recordings
 from processor.replay import Replayed, replay
 from processor.rrd import RrdWriter
-from processor.rrd_pictures import mask_picture
+from processor.rrd_pictures import known_fruit, mask_picture
 from processor.trace import Trace
 from recorder.errors import PomologError
 from recorder.pictures import decode
@@ -141,7 +141,8 @@ def test_a_mask_tells_hits_from_mistakes_and_leaves_out_what_counts_neither_way(
     labels = np.array([[3, 0, 3, 0, UNCOUNTED]], np.uint16)
 
     def shown(known: Labels | None, *, partial: bool = False) -> list[int]:
-        drawn = mask_picture(mask, known, partial=partial)
+        fruit = None if known is None else known_fruit(known)
+        drawn = mask_picture(mask, fruit, partial=partial)
         return [int(n) for n in classes_of(png_of(drawn))[0]]
 
     assert shown(labels) == [1, 2, 3, 0, 0]
@@ -151,7 +152,7 @@ def test_a_mask_tells_hits_from_mistakes_and_leaves_out_what_counts_neither_way(
 @pytest.mark.parametrize("partial", [False, True])
 def test_what_may_be_unlabelled_fruit_is_not_in_the_colour_of_mistakes(partial: bool) -> None:
     mask, labels = np.full((8, 8), 255, np.uint8), np.zeros((8, 8), np.uint16)
-    drawn = mask_picture(mask, labels, partial=partial)
+    drawn = mask_picture(mask, known_fruit(labels), partial=partial)
     colour = Image.open(io.BytesIO(png_of(drawn))).convert("RGBA").getpixel((0, 0))
     assert isinstance(colour, tuple)
     assert colour[:3] == (ESTIMATE if partial else FALSE)

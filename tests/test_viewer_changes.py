@@ -45,6 +45,7 @@ def test_what_the_second_alone_locates_is_gained_and_the_first_alone_lost(tmp_pa
     )  # fmt: skip
     assert (gained.kind, gained.before, gained.after) == ("gained", None, 5)
     assert (gained.apple_id, gained.what) == (4, "true apple 4")
+    assert (lost.mistake, gained.mistake) == (True, False)
 
 
 def test_an_apple_placed_elsewhere_has_moved_and_says_both_errors(tmp_path: Path) -> None:

@@ -6,7 +6,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Final, Literal
 
 import numpy as np
 
@@ -14,6 +14,8 @@ from processor.compare.changes import MOVED_M, paired_apples
 from processor.results import read_table
 from recorder.records import SIDES
 
+NO_APPLE: Final = "where no apple is"
+WRONG_MATCH: Final = "a wrong match"
 ChangeKind = Literal["gained", "lost", "moved"]
 
 Row = dict[str, Any]
@@ -30,6 +32,7 @@ class Change:
         after: the same in the second's.
         apple_id: the true apple's id; None where there is none or nobody knows.
         moved_m: how far apart both places are; None unless moved.
+        mistake: there is truth, and the apple (the second method's, unless lost) is not of it.
         what: all that in words.
     """
 
@@ -39,6 +42,7 @@ class Change:
     after: int | None
     apple_id: int | None
     moved_m: float | None
+    mistake: bool
     what: str
 
 
@@ -79,11 +83,15 @@ def _of_frame(
     partners = dict(paired_apples(old, new))
     for i, row in enumerate(old):
         if i not in partners:
-            yield Change(frame, "lost", row["apple"], None, _id(row), None, _named(row))
+            yield Change(
+                frame, "lost", row["apple"], None, _id(row), None, _mistake(row), _named(row)
+            )
     taken = set(partners.values())
     for j, row in enumerate(new):
         if j not in taken:
-            yield Change(frame, "gained", None, row["apple"], _id(row), None, _named(row))
+            yield Change(
+                frame, "gained", None, row["apple"], _id(row), None, _mistake(row), _named(row)
+            )
     for i, j in partners.items():
         places = [np.array([row["x_m"], row["y_m"], row["z_m"]]) for row in (old[i], new[j])]
         moved_m = float(np.linalg.norm(places[1] - places[0]))
@@ -94,7 +102,16 @@ def _of_frame(
         words = f"{_named(new[j])}: {moved_m * 1000:.0f} mm away"
         if was is not None and now is not None:
             words += f", error {was * 1000:+.0f} -> {now * 1000:+.0f} mm"
-        yield Change(frame, "moved", old[i]["apple"], new[j]["apple"], apple_id, moved_m, words)
+        yield Change(
+            frame,
+            "moved",
+            old[i]["apple"],
+            new[j]["apple"],
+            apple_id,
+            moved_m,
+            _mistake(new[j]),
+            words,
+        )
 
 
 def _id(row: Row) -> int | None:
@@ -102,11 +119,15 @@ def _id(row: Row) -> int | None:
     return row["left_truth"] if row["left_truth"] == row["right_truth"] else None
 
 
+def _mistake(row: Row) -> bool:
+    return _named(row) in (NO_APPLE, WRONG_MATCH)
+
+
 def _named(row: Row) -> str:
     apple_id = _id(row)
     if apple_id is not None:
         return f"true apple {apple_id}"
     if row["left_false"] and row["right_false"]:
-        return "where no apple is"
+        return NO_APPLE
     known = any(row[f"{side}_{what}"] is not None for side in SIDES for what in ("truth", "false"))
-    return "a wrong match" if known else "a fruit"
+    return WRONG_MATCH if known else "a fruit"

@@ -87,6 +87,7 @@ def _overview(results: bool) -> rrb.Container:
     texts = rrb.Tabs(
         document("range/table", "Apples of this frame"),
         document("about", "Session"),
+        document("method", "Method"),
         document("legend", "Colours"),
     )
     below = rrb.Horizontal(in_space(), fared, texts)

@@ -53,7 +53,9 @@ def side_by_side_layout(methods: Sequence[str], *, active: str = "") -> rrb.Blue
 
 
 def _changes(before: str, after: str, name: str) -> rrb.Container:
-    title = f"from {before} to {after}: green gained, red lost, orange moved; blue true"
+    title = (
+        f"from {before} to {after}: green gained, red lost, orange moved, thin: no apple; blue true"
+    )
     pictures = rrb.Horizontal(
         *(
             pictured(side, f"{side.capitalize()}, {title}", "picture", "truth", f"changes/{after}")
@@ -100,7 +102,10 @@ def _method(method: str) -> rrb.Container:
                 curves(f"verdict/{method}", "How the true apples' matches fared"),
                 curves(f"time_ms/{method}", "Time a stage, ms"),
             ),
-            document(f"range/{method}/table", "Apples of this frame"),
+            rrb.Tabs(
+                document(f"range/{method}/table", "Apples of this frame"),
+                document(f"method/{method}", "Method"),
+            ),
         ),
         row_shares=[3, 2],
         name=method,

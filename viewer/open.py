@@ -38,8 +38,13 @@ def open_viewer(
         say: hears the address to open in a browser.
 
     Raises:
-        PomologError: there is no screen for the native viewer, or it could not start.
+        PomologError: there is no screen for the native viewer, it could not start, or a browser
+            is to open at a frame.
     """
+    if web and frame is not None:
+        raise PomologError(
+            "a browser opens at the beginning; leave --frame and --time out, or use --worst"
+        )
     require_screen(files[0], web=web)
     port, page_port = free_ports(2)
     command = [str(rerun_binary()), "--bind", bind, "--port", str(port)]

@@ -32,7 +32,7 @@ OF_METHOD: Final = frozenset(
 ) | {
     "world/apples", "range/errors", "range/intervals", "range/readings", "range/table", "verdict",
     "false", "error_mm", "count", "time_ms", "match/lines", "match/circles", "match/table",
-    "health/row_px",
+    "health/row_px", "method",
 }  # fmt: skip
 LEFT_OUT: Final = ("index", "match/projection", "match/correlation", "about")
 _ELLIPSES: Final = ("Ellipses2D:labels", "Ellipses2D:centers", "Ellipses2D:half_sizes")
@@ -133,7 +133,7 @@ def _marks(listed: Sequence[Change], before: Mapping[str, Any], after: Mapping[s
         colors=[CHANGES[change.kind] for _, change in shown],
         labels=[f"{change.kind}: {change.what}" for _, change in shown],
         show_labels=False,
-        line_radii=-2.5,
+        line_radii=[-1.0 if change.mistake else -2.5 for _, change in shown],
     )
 
 
