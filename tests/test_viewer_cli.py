@@ -21,6 +21,33 @@ def test_view_of_nothing_is_one_line(command: Command, tmp_path: Path) -> None:
     assert_one_line(nothing, "no results in", "pomolog replay")
 
 
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--kind", "silly", "--worst", 3), "silly?"),
+        (("--kind", "range"), "add --worst"),
+        (("--tab", "Fruit"), "Overview"),
+    ],
+)
+def test_view_explains_words_it_does_not_know(
+    words: tuple[object, ...], said: str, command: Command, tmp_path: Path
+) -> None:
+    answer = command("view", tmp_path, *words)
+    assert answer.code == 2
+    assert said in answer.err
+
+
+def test_view_saves_the_worst_cases_for_somebody_else(command: Command, tmp_path: Path) -> None:
+    frames = [[apple(1, z_m=2.0, seen=1.0)]]  # too far for the paper's window of radii
+    session = stereo_session(tmp_path / "row.mcap", frames)
+    assert command("replay", session, "-o", tmp_path / "out", "--workers", 1).code == 0
+    saved = tmp_path / "worst.rrd"
+    answer = command("view", tmp_path / "out", "--worst", 5, "--save", saved)
+    assert answer.code == 0, answer.err
+    assert f"{saved}: " in answer.out
+    assert saved.stat().st_size > 10_000
+
+
 def test_view_without_a_screen_is_one_line(command: Command, tmp_path: Path) -> None:
     session = stereo_session(tmp_path / "row.mcap", [[apple(1)]])
     assert_one_line(command("view", session), "no screen", "--web")

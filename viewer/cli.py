@@ -58,6 +58,8 @@ def view(
     from viewer.choose import save as save_opening
     from viewer.open import open_viewer, require_screen
 
+    if kind and not worst and apple is None:
+        raise typer.BadParameter("of which cases? add --worst 10", param_hint="--kind")
     wish = Wish(worst, _kinds(kind), frame, time, apple, session, _tab(tab))
     if save is None:
         require_screen(paths[0], web=web)
