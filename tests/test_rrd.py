@@ -16,7 +16,7 @@ from PIL import Image
 from rerun.chunk import RrdReader
 
 import processor.replay as module
-from processor.count import FrameCounts
+from processor.count import FrameCounts, count_frame
 from processor.locate import Locator
 from processor.palette import ESTIMATE, FALSE
 from processor.recordings import join_recordings
@@ -308,6 +308,19 @@ def distorted_rig() -> Rig:
     plain = small_rig()
     lens = Camera(plain.left.size_px, plain.left.matrix, np.array([-0.2, 0.05, 0.0, 0.0, 0.0]))
     return Rig(lens, lens, plain.rotation, plain.translation_m)
+
+
+def test_a_recording_costs_at_most_1_3_times_the_recorded_pictures(tmp_path: Path) -> None:
+    demo = Path(__file__).parent.parent / "sessions" / "demo.mcap"
+    with Session(demo) as session:
+        parallel, recorded = rectify(session.rig), 0
+        out = tmp_path / "trace.rrd"
+        with RrdWriter(out, "id", session.rig, parallel, first_ns=0, name="demo") as drawing:
+            for pair in session.pairs(0, 3):
+                recorded += len(pair.left.data) + len(pair.right.data)
+                trace = Locator()(decode(pair.left), decode(pair.right), parallel, (0, pair.index))
+                drawing.write(pair, trace, count_frame(trace, pair.truth, parallel), 0)
+    assert out.stat().st_size <= 1.3 * recorded
 
 
 @pytest.fixture
