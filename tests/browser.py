@@ -1,13 +1,9 @@
 """A page opened in headless Chromium, and what the browser complains of."""
 
-import os
-import shutil
 import subprocess
 from pathlib import Path
 
-import pytest
-
-BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+from tests.visual.needs import browser
 
 
 def opened(page: Path, profile: Path) -> tuple[str, list[str]]:
@@ -15,14 +11,9 @@ def opened(page: Path, profile: Path) -> tuple[str, list[str]]:
 
     Skips loudly where there is no browser; continuous integration must have one.
     """
-    browser = next((found for name in BROWSERS if (found := shutil.which(name))), None)
-    if browser is None:
-        message = f"NOT TESTED: {page.name} in a browser; install chromium"
-        if os.environ.get("CI") == "true":
-            pytest.fail(message)
-        pytest.skip(message)
     command = [
-        browser, "--headless", "--disable-gpu", "--no-sandbox", "--enable-logging=stderr",
+        browser(page.name), "--headless", "--disable-gpu", "--no-sandbox",
+        "--enable-logging=stderr",
         f"--user-data-dir={profile}", "--dump-dom", page.as_uri(),
     ]  # fmt: skip
     done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=True)

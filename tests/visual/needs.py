@@ -19,11 +19,11 @@ def vulkan() -> Path:
     return found[0]
 
 
-def browser() -> str:
-    """A Chromium."""
+def browser(what: str = "the web viewer") -> str:
+    """A Chromium, for what is to be looked at."""
     found = next((path for name in BROWSERS if (path := shutil.which(name))), None)
     if found is None:
-        _missing("the web viewer", "chromium")
+        _missing(what, "chromium")
     assert found is not None
     return found
 
