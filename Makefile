@@ -42,7 +42,7 @@ $(VENV)/ready: pyproject.toml | $(VENV)/bin/python
 	@touch $@
 
 $(VENV)/ready-dev: pyproject.toml | $(VENV)/bin/python
-	$(RUN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev,orchard]'
+	$(RUN)/python -m pip install --quiet --disable-pip-version-check --editable '.[cluster,dev,orchard,s3]'
 	@touch $@ $(VENV)/ready
 
 $(VENV)/ready-orchard: pyproject.toml | $(VENV)/bin/python

@@ -1,4 +1,4 @@
-"""Ratios of whole steps, measured side by side in one run on one thread.
+"""Ratios of whole steps, measured side by side in one run: `docs/performance.md` explains each.
 
     python -m benchmarks
 
@@ -8,7 +8,8 @@ over rounds, of one step's time divided by another's in the same round.
 
 import argparse
 import itertools
-from collections.abc import Callable
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from statistics import median
 from time import perf_counter
@@ -19,6 +20,8 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from benchmarks.growth import replays
+from benchmarks.material import JPEG
 from processor.methods import METHODS
 from recorder.pictures import decode
 from recorder.records import Frame, StereoPair
@@ -88,10 +91,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--session", type=Path, default=Path("sessions/demo.mcap"))
     parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--pairs", type=int, default=128, help="of the replays")
     words = parser.parse_args()
     cv2.setNumThreads(1)
     seconds = measure(words.session, words.rounds)
-    shown = Table(title=f"{words.session}, one thread, medians of {len(seconds['paper'])} rounds")
+    ratios = located(seconds)
+    with tempfile.TemporaryDirectory() as folder:
+        ratios |= replays(Path(folder), words.session, words.pairs, words.rounds)
+    shown = Table(title=f"{words.session}, medians of {words.rounds} rounds")
     for column in ("ratio", "median", "10% to 90%"):
         shown.add_column(column, justify="left" if column == "ratio" else "right")
     peers = (("decode", "JPEG decode"), ("HoughCircles",) * 2, ("StereoSGBM",) * 2)
@@ -105,7 +112,28 @@ def main() -> None:
         cycle = median(seconds[method]) + median(seconds["decode"])
         share = f"{cycle * 1e3 / PAPER_CYCLE_MS:.3f}"
         shown.add_row(f"decode + locate ({method}) / the paper's cycle of 2350 ms", share, "")
+    for name, found in ratios.items():
+        low, high = np.percentile(found, [10, 90])
+        digits = 3 if low < 0.1 else 2
+        shown.add_row(name, f"{median(found):.{digits}f}", f"{low:.{digits}f} - {high:.{digits}f}")
     Console(width=100).print(shown)
+
+
+def located(seconds: Mapping[str, Sequence[float]]) -> dict[str, list[float]]:
+    """What finding apples costs beside what others do with the same pictures; less is better."""
+    peers = (("decode", "JPEG decode"), ("HoughCircles",) * 2, ("StereoSGBM",) * 2)
+    ratios = {
+        f"locate ({method}) / {below}": [
+            a / b for a, b in zip(seconds[method], seconds[name], strict=True)
+        ]
+        for method, (name, below) in itertools.product(("paper", "pomolog"), peers)
+    }
+    for method in ("paper", "pomolog"):
+        ratios[f"decode + locate ({method}) / the paper's cycle of 2350 ms"] = [
+            (a + b) * 1e3 / PAPER_CYCLE_MS
+            for a, b in zip(seconds[method], seconds["decode"], strict=True)
+        ]
+    return ratios
 
 
 if __name__ == "__main__":

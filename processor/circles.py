@@ -78,21 +78,24 @@ class RandomRing:
         ends = np.cumsum(lengths)
         places = (ends - lengths)[:, None, None] + (draws * lengths[:, None, None]).astype(np.intp)
         x, y, radius = _circles_through(points, places.reshape(-1, 3))
-        within = (radius >= self.min_radius_px) & (radius <= self.max_radius_px)
-        starts = np.concatenate([[0], np.cumsum(within.reshape(-1, self.rounds).sum(axis=1))])
+        within = np.flatnonzero((radius >= self.min_radius_px) & (radius <= self.max_radius_px))
+        starts = np.searchsorted(within, np.arange(len(contours) + 1) * self.rounds)
         x, y, radius = x[within], y[within], radius[within]
         circle_terms, point_terms = self._ring_terms(x, y, radius, points)
+        whole = radius < self.ring_px  # a ring so wide has no inner edge
+        limits = (2 * self.ring_px * radius)[:, None]
         rings = []
         for number, (middle, end) in enumerate(zip(middles, ends, strict=True)):
             mine = slice(starts[number], starts[number + 1])
-            beyond = circle_terms[mine] @ point_terms[:, end - lengths[number] : end]
-            whole = radius[mine] < self.ring_px  # a ring so wide has no inner edge
-            beyond[whole] = np.maximum(beyond[whole], 0)
-            on_ring = np.abs(beyond) <= (2 * self.ring_px * radius[mine])[:, None]
-            counts = np.count_nonzero(on_ring, axis=1)
-            rings.append(
-                np.column_stack([x[mine] + middle[0], y[mine] + middle[1], radius[mine], counts])
-            )
+            found = np.empty((starts[number + 1] - starts[number], 4))
+            if len(found):  # most contours are small and have none
+                beyond = circle_terms[mine] @ point_terms[:, end - lengths[number] : end]
+                beyond[whole[mine]] = np.maximum(beyond[whole[mine]], 0)
+                on_ring = np.packbits(np.abs(beyond, out=beyond) <= limits[mine], axis=1)
+                found[:, 0], found[:, 1] = x[mine] + middle[0], y[mine] + middle[1]
+                found[:, 2] = radius[mine]
+                found[:, 3] = np.bitwise_count(on_ring).sum(axis=1)  # a byte holds eight points
+            rings.append(found)
         return rings
 
     def _ring_terms(

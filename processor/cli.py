@@ -4,11 +4,16 @@ import json
 import os
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from recorder.errors import PomologError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from recorder.objects import Place
 
 app = typer.Typer(
     add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False,
@@ -31,10 +36,17 @@ def _processor() -> None:
 
 @app.command(epilog="Example: pomolog replay sessions/demo.mcap -o results --method paper")
 def replay(
-    sessions: Annotated[list[Path], typer.Argument(metavar="S...", help="Sessions (.mcap).")],
-    out: Annotated[Path, typer.Option("--out", "-o", help="Folder for the results.")],
+    sessions: Annotated[
+        list[str], typer.Argument(metavar="S...", help="Sessions (.mcap), or s3://, gs://.")
+    ],
+    out: Annotated[
+        str, typer.Option("--out", "-o", metavar="PATH", help="Folder for the results, or s3://.")
+    ],
     method: Annotated[str, typer.Option(help="A name (pomolog methods), or a .toml.")] = "paper",
     workers: Annotated[int, typer.Option(min=0, help="Processes; 0 is one a core.")] = 0,
+    cluster: Annotated[
+        str, typer.Option(metavar="ADDR", help="A Dask scheduler: tcp://10.0.0.1:8786.")
+    ] = "",
     seed: Annotated[int, typer.Option(min=0, help="Of every random number.")] = 0,
     rrd: Annotated[str, typer.Option(help="full: draw recordings; none: rows only.")] = "full",
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
@@ -42,21 +54,23 @@ def replay(
     """Run a locator on sessions and keep every intermediate; run again, it goes on."""
     from processor.methods import load_method
     from processor.replay import replay as run
+    from recorder.objects import as_place
     from recorder.progress import progress
 
     if rrd not in ("full", "none"):
         raise typer.BadParameter("full or none", param_hint="--rrd")
     name, locator = load_method(method)
-    total = _count_pairs(sessions)
+    places = [as_place(words) for words in sessions]
     done, errors = [], []
-    with progress("replaying", total) as tick:
+    with progress("replaying", _count_pairs(places)) as tick:
         for outcome in run(
-            sessions,
-            out,
+            places,
+            as_place(out),
             locator,
             method=name,
             seed=seed,
             workers=workers or os.cpu_count() or 1,
+            cluster=cluster,
             rrd="full" if rrd == "full" else "none",
             tick=tick,
         ):
@@ -76,10 +90,13 @@ def replay(
                 typer.echo(f"pomolog: warning: {r.warning}", err=True)
             how = "there already" if r.resumed else f"{r.seconds:.1f} s"
             print(f"{r.session}: {r.pairs} pairs -> {r.out} ({how})")
-    if errors:
-        for error in errors[:-1]:
+    if len(errors) > 1:
+        for error in errors:
             typer.echo(f"pomolog: {' '.join(str(error).split())}", err=True)
-        raise errors[-1]
+        raise PomologError(f"{len(errors)} of {len(places)} sessions failed, {len(done)} are done")
+    if errors:
+        others = f" ({len(done)} of {len(places)} sessions are done)" if done else ""
+        raise PomologError(f"{errors[0]}{others}")
 
 
 @app.command(epilog="Example: pomolog methods paper > mine.toml")
@@ -99,7 +116,7 @@ def methods(
         print(f"{known:18} {uses}{limit}")
 
 
-def _count_pairs(sessions: list[Path]) -> int:
+def _count_pairs(sessions: "Sequence[Place]") -> int:
     """For the progress bar; a session that cannot be opened says so when its turn comes."""
     from recorder.session import read_info
 
@@ -114,14 +131,17 @@ def _count_pairs(sessions: list[Path]) -> int:
 
 @app.command(epilog="Example: pomolog score results --by lighting")
 def score(
-    out: Annotated[list[Path], typer.Argument(metavar="OUT...", help="Folders of results.")],
+    out: Annotated[
+        list[str], typer.Argument(metavar="OUT...", help="Folders of results, or s3://, gs://.")
+    ],
     by: Annotated[str, typer.Option(help="Group by this metadata key: lighting, ...")] = "",
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
 ) -> None:
     """Hits, false positives, matches and distance errors of a run, from its counts."""
     from processor.runs import find_runs, losses, score_runs
+    from recorder.objects import as_place
 
-    runs = find_runs(out)
+    runs = find_runs([as_place(words) for words in out])
     groups, lost = score_runs(runs, by), losses(runs)
     if as_json:
         scores = {name: asdict(score) for name, score in groups.items()}

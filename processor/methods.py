@@ -2,7 +2,6 @@
 
 import json
 import math
-import tomllib
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
@@ -23,6 +22,7 @@ from processor.ranging import OutlineRange, RangeModel
 from processor.recognise import RECOGNISE, ColourRatio, RedMinusLuma, TwoRedMinusGreenBlue
 from processor.triangulate import TRIANGULATE
 from recorder.errors import PomologError
+from recorder.text_files import read_toml
 
 # stage -> name of an alternative -> its class; the stages in the locator's order
 STAGES: Final[dict[str, Mapping[str, type[Any]]]] = {
@@ -101,16 +101,7 @@ def load_method(choice: str) -> tuple[str, Locator]:
         names = ", ".join(METHODS)
         raise PomologError(f"no method {choice!r}; choose {names}, or give a .toml file")
     path = Path(choice)
-    try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise PomologError(
-            f"cannot read method {path}: {error.strerror}; is the name right?"
-        ) from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise PomologError(
-            f"{path} is not TOML: {error}; see one with: pomolog methods paper"
-        ) from None
+    table = read_toml(path, "see one with: pomolog methods paper")
     try:
         return path.stem, locator_from(table)
     except PomologError as error:

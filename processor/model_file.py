@@ -2,11 +2,13 @@
 
 import hashlib
 import json
+import struct
+import zlib
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any, Final
-from zipfile import BadZipFile
+from zipfile import BadZipFile, ZipFile
 
 import numpy as np
 
@@ -17,9 +19,15 @@ from processor.net import Net
 from processor.ranging import RangeModel
 from recorder.errors import PomologError
 from recorder.files import replacing
+from recorder.limits import DEFAULT_LIMITS
 
 FOLDER: Final = Path(__file__).parent / "models"
 _PROFILE: Final = "pomolog-model/1"
+# what zipfile and NumPy raise on damaged bytes, found by mutating good files
+_DAMAGE: Final = (
+    OSError, ValueError, KeyError, EOFError, BadZipFile, MemoryError, OverflowError, IndexError,
+    NotImplementedError, RuntimeError, SyntaxError, TypeError, struct.error, zlib.error,
+)  # fmt: skip
 _NETS: Final = ("quality", "choice", "pair")
 
 
@@ -70,10 +78,15 @@ def load_model(choice: str) -> Model:
         names = ", ".join(sorted(p.stem for p in FOLDER.glob("*.npz")))
         raise PomologError(f"no model {choice!r}; there are {names}, or give a .npz: pomolog train")
     try:
+        with ZipFile(path) as packed:
+            unpacked_bytes = sum(entry.file_size for entry in packed.infolist())
+        if unpacked_bytes > DEFAULT_LIMITS.record:
+            raise ValueError(f"it unpacks to {unpacked_bytes} bytes")
         with path.open("rb") as stream, np.load(stream, allow_pickle=False) as arrays:
             return _model(choice, dict(arrays))
-    except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
-        raise PomologError(f"{path} is no model ({error}); make one with: pomolog train") from None
+    except _DAMAGE as error:
+        reason = " ".join(str(error).split())[:200]
+        raise PomologError(f"{path} is no model ({reason}); make one with: pomolog train") from None
 
 
 def model_digest(choice: str) -> str:

@@ -22,6 +22,8 @@ STAGES: Final = (
 _KEY: Final = [("session", pa.string()), ("frame", pa.int32()), ("time_ns", pa.int64())]
 _COUNTED: Final = ("pixels", "pixels_cleaned", "fruit")
 _F64: Final = pa.float64()
+GROUP_ROWS: Final = 1 << 16
+_WRITING: Final = {"write_page_checksum": True}  # else a flipped bit is a wrong number
 _AXES: Final = ("xx", "xy", "xz", "yy", "yz", "zz")
 
 # A row a located apple; null where there is none: an unmatched fruit has no range. Pixels are in
@@ -128,6 +130,14 @@ def _explained(schema: pa.Schema) -> pa.Schema:
 
 TABLES: Final[dict[str, pa.Schema]] = {
     "apples": _explained(APPLES), "frames": _explained(FRAMES), "truth": _explained(TRUTH),
+}  # fmt: skip
+# Columns that came after the first results of this profile: older tables are read with nulls there.
+LATER: Final[dict[str, frozenset[str]]] = {
+    "apples": frozenset(f"{side}_false" for side in SIDES),
+    "frames": frozenset(),
+    "truth": frozenset((
+        "truth_point", *(f"{side}_{what}_px" for side in SIDES for what in ("x", "y", "radius")),
+    )),
 }  # fmt: skip
 
 Row = dict[str, Any]
@@ -250,7 +260,7 @@ def write_tables(folder: Path, rows: Rows) -> None:
     """Write every table of `rows` to `folder`, an empty one too, each whole or not at all."""
     for name, schema in TABLES.items():
         with replacing(folder / f"{name}.parquet") as part:
-            pq.write_table(pa.Table.from_pylist(rows[name], schema), part)
+            pq.write_table(pa.Table.from_pylist(rows[name], schema), part, **_WRITING)
 
 
 def write_table(path: Path, rows: Sequence[Row], schema: pa.Schema | None = None) -> None:
@@ -268,11 +278,24 @@ def sweep_schema(varied: Sequence[str]) -> pa.Schema:
 
 
 def join_tables(folders: Sequence[Path], out: Path) -> None:
-    """Concatenate the tables of `folders`, in their order, into `out`."""
+    """Concatenate the tables of `folders`, in their order, into `out`.
+
+    The file's bytes depend on the rows alone, not on how they were cut: its row groups are of
+    `GROUP_ROWS` rows each, and each is one piece in memory.
+    """
     for name, schema in TABLES.items():
-        with replacing(out / f"{name}.parquet") as part, pq.ParquetWriter(part, schema) as writer:
+        with (
+            replacing(out / f"{name}.parquet") as part,
+            pq.ParquetWriter(part, schema, **_WRITING) as writer,
+        ):
+            waiting = schema.empty_table()
             for folder in folders:
-                writer.write_table(read_table(folder, name))
+                waiting = pa.concat_tables([waiting, read_table(folder, name)])
+                while len(waiting) >= GROUP_ROWS:
+                    writer.write_table(waiting.slice(0, GROUP_ROWS).combine_chunks())
+                    waiting = waiting.slice(GROUP_ROWS)
+            if len(waiting):
+                writer.write_table(waiting.combine_chunks())
 
 
 def read_table(folder: Path, name: str) -> pa.Table:
@@ -285,12 +308,17 @@ def read_table(folder: Path, name: str) -> pa.Table:
     if not path.is_file():
         raise PomologError(f"no {path}; make it with: pomolog replay S.mcap -o OUT")
     try:
-        table = pq.read_table(path)
-    except (pa.ArrowException, OSError) as error:
-        raise PomologError(f"{path} is damaged ({error}); replay it again") from None
-    missing = set(TABLES[name].names) - set(table.column_names)
-    if missing:
-        raise PomologError(
-            f"{path} has no column {min(missing)}; it was made by another version, replay it again"
-        )
-    return table.select(TABLES[name].names)
+        table = pq.read_table(path, page_checksum_verification=True)
+        missing = set(TABLES[name].names) - set(table.column_names)
+        for later in missing & LATER[name]:
+            nulls = pa.nulls(len(table), TABLES[name].field(later).type)
+            table = table.append_column(later, nulls)
+        if missing := missing - LATER[name]:
+            raise PomologError(
+                f"{path} has no column {min(missing)}; it was made by another version, "
+                "replay it again"
+            )
+        return table.select(TABLES[name].names).cast(TABLES[name])
+    except (pa.ArrowException, OSError, ValueError, MemoryError, OverflowError) as error:
+        reason = " ".join(str(error).split())[-160:]
+        raise PomologError(f"{path} is damaged ({reason}); replay it again") from None

@@ -1,17 +1,21 @@
 """Folders of results, found, read and handed to the score by group."""
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, Final
 
 from processor.judge import JUDGED, judge
-from processor.replay import RESULTS_PROFILE
-from processor.results import STAGES, Row, read_table
+from processor.results import STAGES, TABLES, Row, read_table
+from processor.run_file import read_run
 from processor.score import FrameRow, FruitRow, Score, score
 from processor.sureness import Judged
 from recorder.errors import PomologError
+from recorder.objects import ObjectPath, Place
+
+_KEPT: Final = {"run.json", *(f"{name}.parquet" for name in TABLES)}
+_copies: list["TemporaryDirectory[str]"] = []  # gone when this process ends
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,33 +26,37 @@ class Run:
     about: dict[str, Any]
 
 
-def find_runs(outs: Sequence[Path]) -> tuple[Run, ...]:
+def find_runs(outs: Sequence[Place]) -> tuple[Run, ...]:
     """Every session's results in the given folders, or below them.
+
+    Those in object storage are copied to a folder of this process, without their drawings.
 
     Raises:
         PomologError: there are none, or one was made by another version.
     """
     runs: dict[Path, Run] = {}  # named twice, results count once
-    for out in outs:
+    for place in outs:
+        out = _copy(place) if isinstance(place, ObjectPath) else place
         found = [out] if (out / "run.json").is_file() else []
         found += sorted(path.parent for path in out.glob("*/run.json"))
         if not found:
-            raise PomologError(f"no results in {out}; make them with: pomolog replay S -o {out}")
-        runs |= {folder.resolve(): _read_run(folder) for folder in found}
+            raise PomologError(
+                f"no results in {place}; make them with: pomolog replay S -o {place}"
+            )
+        runs |= {folder.resolve(): Run(folder, read_run(folder / "run.json")) for folder in found}
     return tuple(runs.values())
 
 
-def _read_run(folder: Path) -> Run:
-    path = folder / "run.json"
-    try:
-        about = json.loads(path.read_text(encoding="utf-8"))
-        profile = about["profile"]
-        about["session"]["metadata"]  # must be there
-    except (OSError, ValueError, KeyError, TypeError):
-        raise PomologError(f"{path} is damaged; replay it again") from None
-    if profile != RESULTS_PROFILE:
-        raise PomologError(f"{path} has profile {profile}, not {RESULTS_PROFILE}; replay it again")
-    return Run(folder, about)
+def _copy(out: ObjectPath) -> Path:
+    folder = TemporaryDirectory()
+    _copies.append(folder)
+    for one in out.below():
+        below = str(one).removeprefix(f"{str(out).rstrip('/')}/").split("/")
+        if len(below) <= 2 and not below[0].startswith(".parts-") and one.name in _KEPT:
+            file = Path(folder.name, *below)
+            file.parent.mkdir(exist_ok=True)
+            one.get(file)
+    return Path(folder.name)
 
 
 @dataclass(slots=True)

@@ -3,7 +3,6 @@
 from bisect import bisect_left
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -12,6 +11,7 @@ import numpy.typing as npt
 from recorder.container import Container
 from recorder.errors import PomologError
 from recorder.mcap_records import RawMessage
+from recorder.objects import Place
 from recorder.one_view import black_frame
 from recorder.profile import (
     IMAGE_TOPICS,
@@ -42,7 +42,7 @@ class Assembly:
         conditions: what held at a time.
     """
 
-    path: Path
+    path: Place
     container: Container
     rig: Rig
     times_ns: npt.NDArray[np.int64]

@@ -45,7 +45,7 @@ def check(path: Path, tick: Callable[[], None] = lambda: None) -> tuple[Finding,
 
 def _findings(session: Session, tick: Callable[[], None]) -> list[Finding]:
     session.verify()
-    size_mb = session.path.stat().st_size / 1e6
+    size_mb = session.size_bytes / 1e6
     findings = [Finding("ok", f"every checksum agrees ({size_mb:.1f} MB)")]
     parallel = rectify(session.rig)
     resampled = "as recorded" if parallel.left.maps is None else "resampled to parallel views"

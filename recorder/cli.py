@@ -32,16 +32,22 @@ def _recorder() -> None:
 
 
 @app.command(epilog="Example: pomolog info sessions/demo.mcap")
-def info(session: SessionArgument, as_json: AsJson = False) -> None:
+def info(
+    session: Annotated[
+        str, typer.Argument(metavar="S", help="A session (.mcap), or s3://, gs://.")
+    ],
+    as_json: AsJson = False,
+) -> None:
     """Say what a session holds; of a torn one, what can be saved."""
+    from recorder.objects import as_place
     from recorder.profile import PROFILE
     from recorder.salvage import survey
     from recorder.session import SessionInfo, read_info
 
     try:
-        found = read_info(session)
+        found = read_info(as_place(session))
     except TornFileError as torn:
-        wreck = survey(session)
+        wreck = survey(as_place(session))
         if not wreck.chunks or wreck.profile != PROFILE:
             raise
         found = SessionInfo(

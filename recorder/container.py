@@ -9,9 +9,8 @@ import io
 import struct
 import zlib
 from collections import Counter
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import AbstractContextManager
-from pathlib import Path
 from typing import Any, Final, cast
 
 import numpy as np
@@ -34,12 +33,11 @@ from mcap.records import (
 )
 
 from recorder.errors import TornFileError
+from recorder.limits import DEFAULT_LIMITS, Limits
 from recorder.mcap_records import (
-    DEFAULT_LIMITS,
     MAGIC,
     RECORD_PREFIX,
     SALVAGE,
-    Limits,
     RawMessage,
     loose_messages,
     open_mcap,
@@ -48,9 +46,12 @@ from recorder.mcap_records import (
     reporting_damage,
     unpack_chunk,
 )
+from recorder.objects import FETCH_BYTES, ObjectReader, Place
 
 _FOOTER_BYTES: Final = RECORD_PREFIX.size + 20
 _DATA_END_BYTES: Final = RECORD_PREFIX.size + 4
+CHUNKS_AT_ONCE: Final = 4  # of 4 MiB: asked of object storage side by side
+MANY_IN_A_CHUNK: Final = 16  # messages of a topic; more need one more request
 _HELD_BYTES: Final = 400  # what a message in memory takes beside its data
 
 
@@ -67,13 +68,13 @@ class Container:
         PomologError: not MCAP, damaged, or beyond the limits.
     """
 
-    def __init__(self, path: Path, limits: Limits = DEFAULT_LIMITS, remedy: str = SALVAGE) -> None:
+    def __init__(self, path: Place, limits: Limits = DEFAULT_LIMITS, remedy: str = SALVAGE) -> None:
         self.path = path
         self.limits = limits
         self._remedy = remedy
         self._stream = open_mcap(path)
         try:
-            self._size = path.stat().st_size
+            self.size_bytes = self._stream.seek(0, io.SEEK_END)
             with self._reporting("its index"):
                 self._read_summary()
             with self._reporting("its header"):
@@ -119,6 +120,14 @@ class Container:
         wanted = {i for i, channel in self.channels.items() if channel.topic == topic}
         times = [np.empty(0, np.uint64)]
         with self._reporting("its message index"):
+            self._announce(
+                [
+                    (offset, RECORD_PREFIX.size + 6 + 16 * MANY_IN_A_CHUNK)
+                    for chunk_index in self._chunk_indexes
+                    for i, offset in chunk_index.message_index_offsets.items()
+                    if i in wanted
+                ]
+            )
             for chunk_index in self._chunk_indexes:
                 for channel_id, offset in chunk_index.message_index_offsets.items():
                     if channel_id not in wanted:
@@ -172,6 +181,9 @@ class Container:
         held = 0
         chunks = [c for c in self._chunk_indexes if self._may_hold(c, wanted, start_ns, stop_ns)]
         for number, chunk_index in enumerate(chunks):
+            if number % CHUNKS_AT_ONCE == 0:
+                coming = chunks[number : number + CHUNKS_AT_ONCE]
+                self._announce([(c.chunk_start_offset, c.chunk_length) for c in coming])
             while waiting and waiting[0][0] < chunk_index.message_start_time:
                 *_, message = heapq.heappop(waiting)
                 held -= len(message.data) + _HELD_BYTES
@@ -198,6 +210,11 @@ class Container:
             lost = sum(expected.get(i, 0) for i in wanted) - sum(seen.values())
             if lost:
                 raise McapError(f"{abs(lost)} messages {'missing' if lost > 0 else 'too many'}")
+
+    def _announce(self, ranges: Sequence[tuple[int, int]]) -> None:
+        """Say what is read next: object storage is asked for all of it at once, within bounds."""
+        if isinstance(self._stream, ObjectReader) and sum(n for _, n in ranges) <= FETCH_BYTES:
+            self._stream.announce(ranges)
 
     def _raw(self, message: Message) -> RawMessage:
         return RawMessage(
@@ -278,7 +295,7 @@ class Container:
 
     def _read_summary(self) -> None:
         tail_bytes = _FOOTER_BYTES + len(MAGIC)
-        self._stream.seek(max(0, self._size - tail_bytes))
+        self._stream.seek(max(0, self.size_bytes - tail_bytes))
         tail = self._stream.read()
         if len(tail) < tail_bytes or not tail.endswith(MAGIC) or tail[0] != Opcode.FOOTER:
             raise TornFileError(
@@ -287,8 +304,8 @@ class Container:
             )
         footer = Footer.read(ReadDataStream(io.BytesIO(tail[RECORD_PREFIX.size :])))
         start = footer.summary_start
-        length = self._size - tail_bytes - start
-        if not _DATA_END_BYTES < start < self._size or length < 0:
+        length = self.size_bytes - tail_bytes - start
+        if not _DATA_END_BYTES < start < self.size_bytes or length < 0:
             raise TornFileError(
                 f"{self.path} has no index; try: {self._remedy.format(path=self.path)}"
             )

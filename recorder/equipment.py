@@ -4,7 +4,6 @@
 each of them.
 """
 
-import tomllib
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Final, Literal
@@ -13,6 +12,7 @@ from pydantic import ConfigDict, Field, TypeAdapter, ValidationError, with_confi
 
 from recorder.errors import PomologError
 from recorder.records import Side
+from recorder.text_files import read_toml
 
 CameraDriver = Literal["aravis", "pylon", "av", "files"]
 RangefinderDriver = Literal["dimetix", "lightware", "lightware-binary", "benewake", "typed"]
@@ -122,12 +122,7 @@ def load_equipment(path: Path) -> Equipment:
             "[cameras.right], see docs/recording.md"
         )
     try:
-        text = path.read_text(encoding="utf-8")
-        equipment = TypeAdapter(Equipment).validate_python(tomllib.loads(text))
-    except OSError as error:
-        raise PomologError(f"cannot read {path}: {error.strerror}; give --rig a rig.toml") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise PomologError(f"{path}: not TOML: {error}; see docs/recording.md") from None
+        equipment = TypeAdapter(Equipment).validate_python(read_toml(path, "see docs/recording.md"))
     except ValidationError as error:
         first = error.errors()[0]
         key = ".".join(map(str, first["loc"]))

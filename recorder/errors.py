@@ -11,3 +11,14 @@ class PomologError(Exception):
 
 class TornFileError(PomologError):
     """A recording that ends in the middle: `pomolog salvage` can make it whole."""
+
+
+class NewerProfileError(PomologError):
+    """A file of a profile that a later pomolog writes: whoever wants to read it updates."""
+
+
+def newer_profile(what: object, profile: str, ours: str) -> NewerProfileError:
+    """The line for a session or results of a newer profile."""
+    return NewerProfileError(
+        f"{what} has profile {profile}, newer than this pomolog's {ours}; update pomolog to read it"
+    )

@@ -14,7 +14,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import BinaryIO, Final
+from typing import BinaryIO, Final, cast
 
 import lz4.frame
 import numpy as np
@@ -27,6 +27,8 @@ from mcap.records import Chunk, McapRecord, Message
 from mcap.stream_reader import breakup_chunk
 
 from recorder.errors import PomologError, TornFileError
+from recorder.limits import DEFAULT_LIMITS, Limits
+from recorder.objects import ObjectPath, Place
 
 MAGIC: Final = bytes((137, 77, 67, 65, 80, 48, 13, 10))
 RECORD_PREFIX: Final = struct.Struct("<BQ")  # opcode, length: before every record
@@ -39,19 +41,6 @@ DAMAGE: Final = (
     McapError, DecodeError, struct.error, ValueError, KeyError, IndexError, OverflowError,
     OSError, EOFError, RuntimeError, MemoryError, zstandard.ZstdError,
 )  # fmt: skip
-
-
-@dataclass(frozen=True, slots=True)
-class Limits:
-    """What a file may ask of this machine's memory, in bytes."""
-
-    record: int = 256 << 20
-    chunk: int = 256 << 20  # of one chunk, unpacked
-    overlap: int = 1 << 30  # of unpacked chunks that overlap in time, held together
-    chunk_records: int = 1 << 19  # of one chunk: empty messages pack to nothing, but not in memory
-
-
-DEFAULT_LIMITS: Final = Limits()
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +58,7 @@ SALVAGE: Final = "pomolog salvage {path} -o whole.mcap"  # what mends a session
 
 
 @contextmanager
-def reporting_damage(path: Path, doing: str, remedy: str = SALVAGE) -> Iterator[None]:
+def reporting_damage(path: Place, doing: str, remedy: str = SALVAGE) -> Iterator[None]:
     """Turn what parsers raise on damaged bytes into one line that names the file."""
     try:
         yield
@@ -80,20 +69,13 @@ def reporting_damage(path: Path, doing: str, remedy: str = SALVAGE) -> Iterator[
         ) from None
 
 
-def open_mcap(path: Path) -> BinaryIO:
-    """Open a file and make sure that it begins as an MCAP does.
+def open_mcap(path: Place) -> BinaryIO:
+    """Open a file, or an object, and make sure that it begins as an MCAP does.
 
     Raises:
         PomologError: no such file, a folder, or something else than MCAP.
     """
-    if path.is_dir():
-        raise PomologError(f"{path} is a folder, not a session; give one of the .mcap files in it")
-    if path.exists() and not path.is_file():  # opening a pipe would wait for its other end
-        raise PomologError(f"{path} is not a file; give a session (.mcap)")
-    try:
-        stream = path.open("rb")
-    except OSError as error:
-        raise PomologError(f"cannot read {path}: {error.strerror}; is the name right?") from None
+    stream = cast("BinaryIO", path.open()) if isinstance(path, ObjectPath) else _open_file(path)
     start = stream.read(len(MAGIC))
     if start == MAGIC:
         return stream
@@ -103,6 +85,17 @@ def open_mcap(path: Path) -> BinaryIO:
     raise PomologError(
         f"{path} is not an MCAP file; import pictures with: pomolog import frames LEFT RIGHT"
     )
+
+
+def _open_file(path: Path) -> BinaryIO:
+    if path.is_dir():
+        raise PomologError(f"{path} is a folder, not a session; give one of the .mcap files in it")
+    if path.exists() and not path.is_file():  # opening a pipe would wait for its other end
+        raise PomologError(f"{path} is not a file; give a session (.mcap)")
+    try:
+        return path.open("rb")
+    except OSError as error:
+        raise PomologError(f"cannot read {path}: {error.strerror}; is the name right?") from None
 
 
 def unpack_chunk(chunk: Chunk, limits: Limits = DEFAULT_LIMITS) -> list[McapRecord]:

@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 
 from recorder.errors import PomologError
+from recorder.limits import DEFAULT_LIMITS, VARIABLE
 from recorder.records import COMPRESSED, Encoding, Frame, Picture
 
 if TYPE_CHECKING:
@@ -43,6 +44,11 @@ def identify(data: bytes, where: str) -> tuple[Encoding, tuple[int, int]]:
         raise PomologError(
             f"{where} claims {width_px} x {height_px} px, more than {MAX_SIDE_PX} a side; "
             "is it damaged?"
+        )
+    if width_px * height_px > DEFAULT_LIMITS.picture_px:
+        raise PomologError(
+            f"{where} claims {width_px} x {height_px} px, more than {DEFAULT_LIMITS.picture_px} "
+            f"in all; is it damaged? ({VARIABLE}, see docs/withstand.md)"
         )
     return encoding, (width_px, height_px)
 

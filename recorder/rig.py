@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from recorder.errors import PomologError
+from recorder.limits import DEFAULT_LIMITS
 from recorder.pictures import MAX_SIDE_PX
 
 Floats = npt.NDArray[np.float64]
@@ -77,7 +78,8 @@ class Rig:
     def __post_init__(self) -> None:
         for side in ("left", "right"):
             size_px = self.camera(side).size_px
-            if not all(0 < length <= MAX_SIDE_PX for length in size_px):
+            possible = all(0 < length <= MAX_SIDE_PX for length in size_px)
+            if not possible or size_px[0] * size_px[1] > DEFAULT_LIMITS.picture_px:
                 raise PomologError(
                     f"the {side} camera has {size_px[0]} x {size_px[1]} px (image_width, "
                     f"image_height or size_px); no camera has"

@@ -36,15 +36,14 @@ from mcap.records import (
     SummaryOffset,
 )
 
-from recorder.errors import PomologError
+from recorder.errors import PomologError, newer_profile
 from recorder.files import replacing
+from recorder.limits import DEFAULT_LIMITS, Limits
 from recorder.mcap_records import (
     CHUNK_PREFIX,
     DAMAGE,
-    DEFAULT_LIMITS,
     MAGIC,
     RECORD_PREFIX,
-    Limits,
     RawMessage,
     open_mcap,
     parse_chunk,
@@ -52,6 +51,7 @@ from recorder.mcap_records import (
     unpack_chunk,
 )
 from recorder.message_writer import MessageWriter, metadata_crc
+from recorder.objects import Place
 from recorder.profile import IMAGE_TOPICS, PROFILE, RAW_IMAGE_SCHEMA, TOPICS
 
 OUR_SCHEMAS: Final = frozenset(("pomolog.RangeReading", "pomolog.FrameTruth"))
@@ -82,7 +82,7 @@ _OTHER_RECORDS: Final[dict[int, Any]] = {
 class Wreck:
     """What a walk through a torn file has found so far."""
 
-    path: Path
+    path: Place
     header: Header | None = None
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     schemas: dict[int, str] = field(default_factory=dict)
@@ -248,7 +248,7 @@ def _messages(wreck: Wreck, opcode: int, body: bytes, limits: Limits) -> Iterato
         wreck.metadata[record.name] = entries
 
 
-def survey(path: Path) -> Wreck:
+def survey(path: Place) -> Wreck:
     """Walk through a torn file and only count."""
     wreck = Wreck(path)
     for _ in walk(wreck):
@@ -271,10 +271,7 @@ def salvage(path: Path, out: Path) -> Wreck:
     messages = walk(wreck)
     first = next(messages, None)  # by then the header and the session's metadata are read
     if wreck.profile.startswith("pomolog/") and wreck.profile != PROFILE:
-        raise PomologError(
-            f"{path} has profile {wreck.profile}, newer than this pomolog's {PROFILE}; "
-            "update with: pip install --upgrade pomolog"
-        )
+        raise newer_profile(path, wreck.profile, PROFILE)
     if wreck.chunks and wreck.profile != PROFILE:
         raise PomologError(f"{path} is no pomolog session; salvage cannot judge what is in it")
     if first is None:

@@ -5,7 +5,6 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Final, Self
 
 import numpy as np
@@ -13,9 +12,11 @@ import numpy.typing as npt
 
 from recorder.assembly import READING_WINDOW_NS, Assembly
 from recorder.container import Container
-from recorder.errors import PomologError
-from recorder.mcap_records import DEFAULT_LIMITS, Limits, RawMessage, reporting_damage
+from recorder.errors import PomologError, newer_profile
+from recorder.limits import DEFAULT_LIMITS, Limits
+from recorder.mcap_records import RawMessage, reporting_damage
 from recorder.message_writer import metadata_crc
+from recorder.objects import Place
 from recorder.one_view import ONE_VIEW
 from recorder.pairing import pair_by_time
 from recorder.profile import (
@@ -45,6 +46,8 @@ from recorder.status import (
     decode_stamp,
     decode_status,
 )
+
+ImageTimes = dict[Side, npt.NDArray[np.int64]]
 
 DEFAULT_MAX_SKEW_NS: Final = 5_000_000  # at 300 mm/s a skew of 5 ms costs 7.5 mm at 1 m
 
@@ -76,6 +79,8 @@ class Session:
     Args:
         path: the session's file.
         limits: what the file may ask of this machine's memory.
+        image_times: as `image_times` of this file gave them, so that a worker on a slice of it
+            need not read every chunk's index again.
 
     Attributes:
         metadata: the `session` record without its checksum.
@@ -87,20 +92,26 @@ class Session:
         PomologError: no session, damaged, or of a newer profile.
     """
 
-    def __init__(self, path: Path, limits: Limits = DEFAULT_LIMITS) -> None:
+    def __init__(
+        self,
+        path: Place,
+        limits: Limits = DEFAULT_LIMITS,
+        image_times: ImageTimes | None = None,
+    ) -> None:
         self.path = path
         self._container = Container(path, limits)
         self._rig: Rig | None = None
         self._set_by_notes: list[tuple[int, tuple[str, str]]] | None = None
         try:
             records = self._container.metadata()
+            self._refuse_newer(records.get("session", {}))
             self.metadata = _checked_metadata(path, records.get("session"))
             self.ledger = _checked_metadata(path, records.get("ledger", {}))
             self._picture_names = _checked_metadata(path, records.get("pictures", {}))
             self._check_profile()
             if not all("crc32" in record for record in records.values()):
                 raise PomologError(_fails_crc(path))  # lost: a session's metadata always have one
-            self._image_times = {
+            self._image_times = image_times or {
                 side: self._container.times_ns(topic) for side, topic in IMAGE_TOPICS.items()
             }
             with reporting_damage(path, "its metadata"):
@@ -114,20 +125,19 @@ class Session:
             self.close()
             raise
 
+    def _refuse_newer(self, metadata: Mapping[str, str]) -> None:
+        """Before its checksum is looked at: a newer profile may have another."""
+        profile = metadata.get("profile", "")
+        if profile.startswith("pomolog/") and profile != PROFILE:
+            raise newer_profile(self.path, profile, PROFILE)
+
     def _check_profile(self) -> None:
-        profile = self.metadata.get("profile", "")
-        if profile == PROFILE:
-            return
-        if profile.startswith("pomolog/"):
+        if self.metadata.get("profile", "") != PROFILE:
             raise PomologError(
-                f"{self.path} has profile {profile}, newer than this pomolog's {PROFILE}; "
-                "update pomolog to read it"
+                f"{self.path} is an MCAP file but no pomolog session "
+                f"(topics: {', '.join(sorted(self._container.counts())[:8]) or 'none'}); "
+                "others' recordings become one with: pomolog import bag"
             )
-        raise PomologError(
-            f"{self.path} is an MCAP file but no pomolog session "
-            f"(topics: {', '.join(sorted(self._container.counts())[:8]) or 'none'}); "
-            "others' recordings become one with: pomolog import bag"
-        )
 
     def __enter__(self) -> Self:
         return self
@@ -174,6 +184,11 @@ class Session:
         return self._rig
 
     @property
+    def size_bytes(self) -> int:
+        """How large the file is."""
+        return self._container.size_bytes
+
+    @property
     def fingerprint(self) -> str:
         """A short hash that changes when anything in the file does: its CRCs and its index."""
         return self._container.fingerprint
@@ -194,6 +209,11 @@ class Session:
             whole=True,
         )
 
+    @property
+    def image_times(self) -> ImageTimes:
+        """Each camera's (N,) sorted times, for whoever opens this file again."""
+        return self._image_times
+
     def times_ns(self, side: Side) -> npt.NDArray[np.int64]:
         """The (N,) sorted times of one camera's frames, paired or not."""
         return self._image_times[side]
@@ -210,6 +230,7 @@ class Session:
             PomologError: a view has no frames at all, or the file is damaged.
         """
         self.require_pairs()
+        _ = self.rig, self._conditions(0)  # now: a stream of object storage holds one place's bytes
         times = self.pair_times_ns()
         stop = len(times) if stop is None else min(stop, len(times))
         if start >= stop:
@@ -326,20 +347,20 @@ class Session:
             return decode_rig(calibrations, transforms, std_m)
 
 
-def read_info(path: Path) -> SessionInfo:
+def read_info(path: Place) -> SessionInfo:
     """What a session holds; opens and closes it."""
     with Session(path) as session:
         return session.info()
 
 
-def _checked_metadata(path: Path, entries: Mapping[str, str] | None) -> dict[str, str]:
+def _checked_metadata(path: Place, entries: Mapping[str, str] | None) -> dict[str, str]:
     plain = {key: value for key, value in (entries or {}).items() if key != "crc32"}
     if entries and "crc32" in entries and entries["crc32"] != metadata_crc(plain):
         raise PomologError(_fails_crc(path))
     return plain
 
 
-def _fails_crc(path: Path) -> str:
+def _fails_crc(path: Place) -> str:
     return (
         f"{path} is damaged (its metadata fails its CRC); try: pomolog salvage {path} -o whole.mcap"
     )

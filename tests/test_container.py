@@ -18,7 +18,7 @@ from mcap.writer import CompressionType, Writer
 
 from recorder.container import Container
 from recorder.errors import PomologError, TornFileError
-from recorder.mcap_records import Limits
+from recorder.limits import Limits
 from recorder.session import Session
 from tests.builders import (
     DATA,

@@ -16,6 +16,7 @@ import psutil
 import pytest
 
 import processor.replay as module
+from processor import slices
 from processor.circles import RandomRing
 from processor.locate import Locator
 from processor.match import AreaInOrder
@@ -112,7 +113,7 @@ def count_written(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         written.append(folder.name)
         write_tables(folder, rows)
 
-    monkeypatch.setattr(module, "write_tables", counting)
+    monkeypatch.setattr(slices, "write_tables", counting)
     return written
 
 
@@ -223,7 +224,7 @@ def test_a_killed_run_goes_on_where_it_was(tmp_path: Path, monkeypatch: pytest.M
         found.update({f: f.stat().st_mtime_ns for f in kept})
         join_tables(folders, out)
 
-    monkeypatch.setattr(module, "join_tables", joining)
+    monkeypatch.setattr(slices, "join_tables", joining)
     written = count_written(monkeypatch)
     (done,) = run([session], tmp_path / "out")
     assert found == kept  # completed parts untouched
@@ -447,5 +448,6 @@ def test_changed_code_makes_new_results(tmp_path: Path, monkeypatch: pytest.Monk
     session = tiny_session(tmp_path / "row.mcap", 1)
     run([session], tmp_path / "out")
     assert run([session], tmp_path / "out")[0].resumed
-    monkeypatch.setattr(module, "_source_digest", lambda: "edited")
+    monkeypatch.setattr(module, "versions", lambda: (("source", "edited"),))
+    monkeypatch.setattr(slices, "versions", lambda: (("source", "edited"),))
     assert not run([session], tmp_path / "out")[0].resumed

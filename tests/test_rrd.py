@@ -331,7 +331,7 @@ def in_slices(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     session = stereo_session(tmp_path / "row.mcap", frames, rig=tiny_rig())
     (done,) = replay([session], tmp_path, TINY)
     assert isinstance(done, Replayed), done
-    return done.out / "trace.rrd"
+    return tmp_path / "row" / "trace.rrd"
 
 
 def test_slices_are_joined_in_the_order_of_the_frames(in_slices: Path) -> None:

@@ -7,10 +7,12 @@ from pathlib import Path
 
 from processor.recordings import join_recordings
 from processor.results import read_table
+from processor.run_file import read_run
 from processor.runs import Run, find_runs
 from processor.worst import KINDS, Kind, WorstCase, worst_cases
-from recorder.errors import PomologError
+from recorder.errors import NewerProfileError, PomologError
 from recorder.files import replacing
+from recorder.session import read_info
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +58,8 @@ def choose(paths: Sequence[Path], wish: Wish, folder: Path) -> Opening:
         PomologError: nothing there can be opened, or it does not have what is asked for.
     """
     first = paths[0]
+    for path in paths:
+        _refuse_newer(path)
     if len(paths) == 1 and first.is_file():
         if wish != Wish(frame=wish.frame, tab=wish.tab):
             raise PomologError(
@@ -69,6 +73,20 @@ def choose(paths: Sequence[Path], wish: Wish, folder: Path) -> Opening:
     if len(paths) > 1:
         return _side_by_side(paths, wish, folder)
     return _results(first, wish, folder)
+
+
+def _refuse_newer(path: Path) -> None:
+    """Refuse what a newer pomolog wrote; the viewer itself copes with what is torn or damaged."""
+    try:
+        if path.suffix == ".mcap" and path.is_file():
+            read_info(path)
+        for about in (path / "run.json", path.parent / "run.json", *path.glob("*/run.json")):
+            if about.is_file():
+                read_run(about)
+    except NewerProfileError:
+        raise
+    except PomologError:
+        return
 
 
 def save(opening: Opening, out: Path) -> None:

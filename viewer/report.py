@@ -9,8 +9,8 @@ from typing import Any, Final
 
 from processor.methods import METHODS, describe, locator_from, to_toml
 from processor.page_parts import Head, document, folded, grid
-from processor.replay import Tick
 from processor.runs import Run
+from processor.slices import Tick
 from processor.worst import WorstCase
 from recorder.errors import PomologError
 from viewer.report_cases import as_json, cases_shown, worst_of

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from processor.page_parts import picture_figure
-from processor.replay import Tick
 from processor.runs import Run
+from processor.slices import Tick
 from processor.worst import WorstCase, worst_cases
 from recorder.errors import PomologError
 from viewer.report_columns import Column

@@ -13,10 +13,10 @@ import numpy.typing as npt
 from processor import charts
 from processor.charts import SOFT, drawing_for_page
 from processor.page_parts import Head, drawing_figure, folded, grid, shown
-from processor.replay import Tick
 from processor.results import read_table
 from processor.retrace import session_of
 from processor.runs import LOSSES, Run
+from processor.slices import Tick
 from recorder.cameras import Shot
 from recorder.errors import PomologError
 from recorder.exposure import OVER_SHARE, UNDER_SHARE, look_at

@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Final
 
 from processor.palette import ALONE, ESTIMATE, TRUTH, Colour
-from processor.replay import Tick
 from processor.results import Row
 from processor.retrace import rows_of_frame, session_of
 from processor.runs import Run
+from processor.slices import Tick
 from processor.worst import WorstCase
 from recorder.errors import PomologError
 from recorder.pictures import decode

@@ -10,7 +10,6 @@ not_worse_by = 1
 """
 
 import math
-import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -21,6 +20,7 @@ from processor.compare.judge import Judged
 from processor.measures import MEASURES, Measure
 from processor.paired import units_needed
 from recorder.errors import PomologError
+from recorder.text_files import read_toml
 
 LIMITS: Final = ("min", "max")
 RULES: Final = (*LIMITS, "not_worse_by")
@@ -83,12 +83,7 @@ def load_gate(path: Path) -> Gate:
     Raises:
         PomologError: it cannot be read, or has a key or a value that no gate has.
     """
-    try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise PomologError(f"cannot read gate {path}: {error.strerror}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise PomologError(f"{path} is not TOML: {error}") from None
+    table = read_toml(path, "see one with: pomolog compare --help")
     values = tuple(_values(path, table))
     rules = tuple(value for value in values if value.kind != MATTERS)
     matters = {v.measure: v.limit / MEASURES[v.measure].written for v in values if v not in rules}

@@ -41,7 +41,7 @@ def export_bag(session: Session, out: Path, tick: Callable[[], None] = lambda: N
     Raises:
         PomologError: the session is damaged, or `out` cannot be written or is the session.
     """
-    if out.exists() and out.samefile(session.path):
+    if isinstance(session.path, Path) and out.exists() and out.samefile(session.path):
         raise PomologError(f"{out} is the session itself; give -o another name")
     folder = out.suffix != ".mcap"
     file = f"{out.name}_0.mcap"

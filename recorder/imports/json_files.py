@@ -7,6 +7,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from recorder.errors import PomologError
+from recorder.text_files import require_size
 
 
 def read_text(path: Path, kind: str = "a label file") -> str:
@@ -15,6 +16,7 @@ def read_text(path: Path, kind: str = "a label file") -> str:
     Raises:
         PomologError: it cannot be read, or is no text.
     """
+    require_size(path)
     try:
         return path.read_text(encoding="utf-8-sig")
     except OSError as error:
@@ -31,8 +33,8 @@ def read_json(path: Path) -> Any:
     """
     try:
         return json.loads(read_text(path, "JSON"))
-    except (json.JSONDecodeError, RecursionError) as error:
-        raise PomologError(f"{path} is not JSON: {error}") from None
+    except (ValueError, RecursionError) as error:  # also a number of thousands of digits
+        raise PomologError(f"{path} is not JSON: {str(error)[:200]}") from None
 
 
 def wrong_entry(path: Path, error: ValidationError, wanted: str) -> PomologError:

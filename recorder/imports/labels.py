@@ -18,6 +18,7 @@ from recorder.imports.label_files import (
     read_yolo,
 )
 from recorder.imports.shapes import PictureLabels, Shape, draw
+from recorder.objects import Place
 from recorder.records import SIDES, UNCOUNTED, FrameTruth, Labels, Outline, Side, StereoPair
 from recorder.session import Session
 
@@ -106,7 +107,7 @@ class LabelTruth:
         of = len(session) * (1 if session.one_view else 2)
         self.summary = Labelled(len(self._found), of, len(shapes), self._pixels, self._shared, lone)
 
-    def require(self, pairs: int, session: Path) -> None:
+    def require(self, pairs: int, session: Place) -> None:
         """Every label has found its picture already."""
 
     def truth(self, pair: StereoPair) -> FrameTruth | None:

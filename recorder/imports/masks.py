@@ -14,6 +14,7 @@ from recorder.files import replacing
 from recorder.imports.frames import pictures_in
 from recorder.imports.json_files import read_json, wrong_entry
 from recorder.message_writer import MessageWriter
+from recorder.objects import Place
 from recorder.pictures import identify, verify
 from recorder.profile import TRUTH_TOPICS
 from recorder.records import (
@@ -91,7 +92,7 @@ class MaskTruth:
         self._partial = partial
         self._folder = folder
 
-    def require(self, pairs: int, session: Path) -> None:
+    def require(self, pairs: int, session: Place) -> None:
         """Hold the number of masks and apple lists against the session's.
 
         Raises:
@@ -130,7 +131,7 @@ class MaskTruth:
 class Truth(Protocol):
     """Where the truth of a session's pairs comes from: masks, or labels of others."""
 
-    def require(self, pairs: int, session: Path) -> None:
+    def require(self, pairs: int, session: Place) -> None:
         """Make sure that it fits the session."""
 
     def truth(self, pair: StereoPair) -> FrameTruth | None:

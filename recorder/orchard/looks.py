@@ -60,7 +60,7 @@ def save_look(path: Path, look: Look) -> None:
 def load_look(path: Path) -> Look | None:
     """A kept look; None where the file is damaged, so that it is made again."""
     try:
-        with np.load(path) as kept:
+        with np.load(path, allow_pickle=False) as kept:
             about = json.loads(kept["about"].tobytes())
             light = tuple(kept[f"light_{side}"].astype(np.float32) for side in ("left", "right"))
             labels = (kept["labels_left"], kept["labels_right"])

@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +15,7 @@ from recorder.orchard.light import Light
 from recorder.orchard.skin import RECIPES, Cultivar
 from recorder.records import Encoding
 from recorder.rig import Camera, Rangefinder, Rig
+from recorder.text_files import read_toml
 
 Place = Literal["orchard", "room"]
 Hiding = Literal["none", "leaves", "fruit"]
@@ -257,9 +257,7 @@ def load_scene(path: Path) -> Scene:
             raise PomologError(f"no scene file {path}; give a .toml, or one of: {names}")
         path = own
     try:
-        return Scene.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise PomologError(f"{path} is not TOML: {error}; see docs/orchard.md") from None
+        return Scene.model_validate(read_toml(path, "see docs/orchard.md"))
     except ValidationError as error:
         raise PomologError(f"{path}: {_first_fault(error)}; see docs/orchard.md") from None
 
@@ -271,5 +269,5 @@ def _first_fault(error: ValidationError) -> str:
         return f"[{key}] is no key of a scene"
     message = first["msg"].removeprefix("Value error, ")
     given = first.get("input")
-    shown = f" (given: {json.dumps(given)})" if isinstance(given, int | float | str) else ""
+    shown = f" (given: {json.dumps(given)[:80]})" if isinstance(given, int | float | str) else ""
     return f"[{key}] {message}{shown}" if key else message

@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 
 from recorder.errors import PomologError
+from recorder.opencv_yaml import require_sound
 from recorder.rectify import rectify
 from recorder.rig import LENS_COEFFICIENTS, Camera, Floats, LensModel, Rangefinder, Rig
 
@@ -23,6 +24,7 @@ def read_opencv(path: Path) -> Rig:
     Raises:
         PomologError: not OpenCV's, a key missing, or numbers that no rig can have.
     """
+    require_sound(path)
     try:
         storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_READ)
         size_px = (

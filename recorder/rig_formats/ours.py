@@ -8,6 +8,7 @@ from typing import Annotated, Any, Final, Self
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from recorder import text_files
 from recorder.errors import PomologError
 from recorder.records import SIDES
 from recorder.rig import LENS_COEFFICIENTS, Camera, LensModel, Rangefinder, Rig
@@ -106,9 +107,11 @@ def read_toml(path: Path) -> Rig:
         PomologError: not TOML, a key that is wrong or missing, or numbers that no rig can have.
     """
     try:
-        table = _RigFile.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise PomologError(f"not TOML: {error}") from None
+        table = _RigFile.model_validate(
+            text_files.read_toml(path, "see docs/architecture.md for a rig")
+        )
+    except PomologError as error:  # whoever asked names the file
+        raise PomologError(str(error).removeprefix(f"{path} ").removeprefix("is ")) from None
     except ValidationError as error:
         first = error.errors()[0]
         key = ".".join(map(str, first["loc"]))
@@ -168,7 +171,7 @@ def equipment_of(path: Path) -> str:
     try:
         text = path.read_text(encoding="utf-8")
         known = tomllib.loads(text)
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError):
+    except (OSError, ValueError, RecursionError):
         return ""
     kept: list[str] = []
     keeping = False
@@ -190,5 +193,5 @@ def equipment_of(path: Path) -> str:
 def _tables(text: str) -> dict[str, Any] | None:
     try:
         return tomllib.loads(text)
-    except tomllib.TOMLDecodeError:
+    except (ValueError, RecursionError):
         return None

@@ -1,0 +1,1 @@
+"""Files of strangers: mutated by the thousand, and what the readers say to them."""
