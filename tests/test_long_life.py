@@ -137,7 +137,8 @@ def test_newer_results_say_what_to_update(
 ) -> None:
     out = newer_results(tmp_path)
     (out / "row" / "trace.rrd").write_bytes(b"a recording")
-    assert said([command, *([RESULTS] if command == "compare" else []), out], monkeypatch) == 1
+    words = {"compare": ["compare", RESULTS, out], "view": ["view", out, "--web"]}
+    assert said(words.get(command, [command, out]), monkeypatch) == 1
     line = capsys.readouterr().err
     assert line.count("\n") == 1
     assert "has profile pomolog-results/2, newer than" in line
