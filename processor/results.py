@@ -1,5 +1,6 @@
 """The rows of a run's results, as Parquet: written by `replay`, read by everything after it."""
 
+import hashlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
@@ -10,6 +11,7 @@ import pyarrow.parquet as pq
 
 from processor.columns import meaning
 from processor.count import AppleVerdict, Counts, FrameCounts
+from processor.run_file import read_run
 from processor.trace import Circles, Trace
 from recorder.errors import PomologError
 from recorder.files import replacing
@@ -23,7 +25,8 @@ _KEY: Final = [("session", pa.string()), ("frame", pa.int32()), ("time_ns", pa.i
 _COUNTED: Final = ("pixels", "pixels_cleaned", "fruit")
 _F64: Final = pa.float64()
 GROUP_ROWS: Final = 1 << 16
-_WRITING: Final = {"write_page_checksum": True}  # else a flipped bit is a wrong number
+# else a flipped bit is a wrong number; the format version tells our files from rewritten ones
+_WRITING: Final[dict[str, Any]] = {"write_page_checksum": True, "version": "1.0"}
 _AXES: Final = ("xx", "xy", "xz", "yy", "yz", "zz")
 
 # A row a located apple; null where there is none: an unmatched fruit has no range. Pixels are in
@@ -308,6 +311,7 @@ def read_table(folder: Path, name: str) -> pa.Table:
     if not path.is_file():
         raise PomologError(f"no {path}; make it with: pomolog replay S.mcap -o OUT")
     try:
+        _require_as_written(folder, name)
         table = pq.read_table(path, page_checksum_verification=True)
         missing = set(TABLES[name].names) - set(table.column_names)
         for later in missing & LATER[name]:
@@ -322,3 +326,17 @@ def read_table(folder: Path, name: str) -> pa.Table:
     except (pa.ArrowException, OSError, ValueError, MemoryError, OverflowError) as error:
         reason = " ".join(str(error).split())[-160:]
         raise PomologError(f"{path} is damaged ({reason}); replay it again") from None
+
+
+def _require_as_written(folder: Path, name: str) -> None:
+    """Refuse a table that was damaged since replay wrote it; pages have checksums, footers none.
+
+    One that a program has rewritten, knowing what it did, is taken as it is.
+    """
+    path, run = folder / f"{name}.parquet", folder / "run.json"
+    told = read_run(run)["tables"].get(name) if run.is_file() else None
+    if told is None or told == hashlib.sha256(path.read_bytes()).hexdigest():
+        return
+    footer = pq.read_metadata(path)
+    if footer.format_version == "1.0" and footer.created_by.startswith("parquet-cpp-arrow"):
+        raise ValueError("it is not what replay wrote")
