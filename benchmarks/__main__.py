@@ -30,11 +30,6 @@ from recorder.session import Session
 
 PAPER_CYCLE_MS: Final = 2350  # Sec. 3.3, on a Core 2 Duo of 2.4 GHz
 TIMED: Final = ("paper", "pomolog", "pomolog-fast")
-# 4:4:4 at quality 95, as a camera for this work should record
-JPEG: Final = [
-    cv2.IMWRITE_JPEG_QUALITY, 95,
-    cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444,
-]  # fmt: skip
 
 Step = Callable[[], object]
 
@@ -101,17 +96,6 @@ def main() -> None:
     shown = Table(title=f"{words.session}, medians of {words.rounds} rounds")
     for column in ("ratio", "median", "10% to 90%"):
         shown.add_column(column, justify="left" if column == "ratio" else "right")
-    peers = (("decode", "JPEG decode"), ("HoughCircles",) * 2, ("StereoSGBM",) * 2)
-    for method, (name, below) in itertools.product(TIMED, peers):
-        ratios = [a / b for a, b in zip(seconds[method], seconds[name], strict=True)]
-        low, high = np.percentile(ratios, [10, 90])
-        shown.add_row(
-            f"locate ({method}) / {below}", f"{median(ratios):.2f}", f"{low:.2f} - {high:.2f}"
-        )
-    for method in TIMED:
-        cycle = median(seconds[method]) + median(seconds["decode"])
-        share = f"{cycle * 1e3 / PAPER_CYCLE_MS:.3f}"
-        shown.add_row(f"decode + locate ({method}) / the paper's cycle of 2350 ms", share, "")
     for name, found in ratios.items():
         low, high = np.percentile(found, [10, 90])
         digits = 3 if low < 0.1 else 2
@@ -126,9 +110,9 @@ def located(seconds: Mapping[str, Sequence[float]]) -> dict[str, list[float]]:
         f"locate ({method}) / {below}": [
             a / b for a, b in zip(seconds[method], seconds[name], strict=True)
         ]
-        for method, (name, below) in itertools.product(("paper", "pomolog"), peers)
+        for method, (name, below) in itertools.product(TIMED, peers)
     }
-    for method in ("paper", "pomolog"):
+    for method in TIMED:
         ratios[f"decode + locate ({method}) / the paper's cycle of 2350 ms"] = [
             (a + b) * 1e3 / PAPER_CYCLE_MS
             for a, b in zip(seconds[method], seconds["decode"], strict=True)

@@ -16,11 +16,6 @@ from time import perf_counter
 from typing import Any, Final
 
 from processor.locate import Locator
-from processor.methods import describe, models_of, to_toml
-from processor.pool import processes
-from processor.recordings import join_recordings
-from processor.results import TABLES, Rows, join_tables, read_table, rows_of, write_tables
-from processor.trace import sensed_of
 from processor.methods import describe, models_of
 from processor.results import TABLES
 from processor.run_file import RESULTS_PROFILE, read_run, run_text
@@ -298,80 +293,6 @@ def _done(out: Place, run: dict[str, Any]) -> bool:
     """Whether `out` already has the results of exactly this run, undamaged."""
     path = out / "run.json"
     try:
-        found = json.loads((out / "run.json").read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return False
-    wanted = [f"{name}.parquet" for name in TABLES]
-    wanted += ["trace.rrd"] if run["rrd"] == "full" else []
-    return bool(
-        isinstance(found, dict)
-        and found.get("key") == run["key"]
-        and all((out / name).is_file() for name in wanted)
-    )
-
-
-def run_slice(job: Job, tick: Tick = lambda _: None) -> None:
-    """Replay one slice into its part; one that is there already is left alone.
-
-    Raises:
-        PomologError: the session is damaged, or the part cannot be written.
-    """
-    cv2.setNumThreads(1)  # the workers are the parallelism, and one thread is repeatable
-    if job.part.is_dir():
-        tick(job.stop - job.start)
-        return
-    rows: Rows = {name: [] for name in TABLES}
-    with replacing(job.part) as part, Session(job.session) as session, ExitStack() as stack:
-        part.mkdir()
-        rectification = rectify(session.rig)
-        drawing = None
-        if job.rrd == "full":
-            from processor.rrd import RrdWriter
-
-            drawing = stack.enter_context(
-                RrdWriter(
-                    part / "trace.rrd",
-                    # methods side by side in one window or catalogue are told apart by it
-                    f"{session.name}-{session.fingerprint}-{Path(job.method).stem}",
-                    session.rig,
-                    rectification,
-                    first_ns=int(session.pair_times_ns()[0, 0]),
-                    name=session.name,
-                )
-            )
-            if job.start == 0:
-                drawing.write_session(
-                    session,
-                    f"replayed with method {job.method}",
-                    to_toml(job.method, job.locator),
-                )
-        for pair in session.pairs(job.start, job.stop):
-            before = perf_counter_ns()
-            left, right = decode(pair.left), decode(pair.right)
-            decode_ns = perf_counter_ns() - before
-            sensed = sensed_of(pair, session.rig)
-            trace = job.locator(left, right, rectification, (job.seed, pair.index), sensed)
-            counts = count_frame(trace, pair.truth, rectification)
-            new = rows_of(session.name, pair, trace, counts, rectification, decode_ns)
-            for name, table in new.items():
-                rows[name].extend(table)
-            if drawing is not None:
-                drawing.write(pair, trace, counts, decode_ns)
-            tick(1)
-        write_tables(part, rows)
-
-
-def _join(jobs: Sequence[Job], out: Path, rrd: RrdChoice) -> None:
-    join_tables([job.part for job in jobs], out)
-    trace = out / "trace.rrd"
-    if rrd == "none":
-        trace.unlink(missing_ok=True)  # an older run's drawing would not be of these results
-        return
-    with replacing(trace) as part:
-        if len(jobs) == 1:
-            shutil.copyfile(jobs[0].part / "trace.rrd", part)  # a kill now must lose nothing
-            return
-        join_recordings([job.part / "trace.rrd" for job in jobs], part)
         if not path.is_file() or (found := read_run(path)).get("key") != run["key"]:
             return False
     except PomologError:

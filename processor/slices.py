@@ -21,6 +21,7 @@ import cv2
 
 from processor.count import count_frame
 from processor.locate import Locator
+from processor.methods import to_toml
 from processor.recordings import join_recordings
 from processor.results import TABLES, Rows, join_tables, read_table, rows_of, write_tables
 from processor.trace import sensed_of
@@ -116,7 +117,8 @@ class Slice:
                 drawing = stack.enter_context(
                     RrdWriter(
                         folder / "trace.rrd",
-                        f"{session.name}-{session.fingerprint}",
+                        # methods side by side in one window or catalogue are told apart by it
+                        f"{session.name}-{session.fingerprint}-{Path(self.method).stem}",
                         session.rig,
                         rectification,
                         first_ns=int(session.pair_times_ns()[0, 0]),
@@ -124,7 +126,11 @@ class Slice:
                     )
                 )
                 if self.start == 0:
-                    drawing.write_session(session, f"replayed with method {self.method}")
+                    drawing.write_session(
+                        session,
+                        f"replayed with method {self.method}",
+                        to_toml(self.method, self.locator),
+                    )
             for pair in session.pairs(self.start, self.stop):
                 before = perf_counter_ns()
                 left, right = decode(pair.left), decode(pair.right)
