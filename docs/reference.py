@@ -1,5 +1,6 @@
 """The reference pages, made from the code that they describe."""
 
+import ast
 import inspect
 import re
 from collections.abc import Iterable, Iterator, Sequence
@@ -15,9 +16,13 @@ from pomolog import COMMANDS
 from processor.columns import meaning
 from processor.methods import METHODS, STAGES
 from processor.results import TABLES
+from recorder.errors import PomologError
 from recorder.messages import SCHEMAS
 from recorder.profile import PROFILE, TOPICS
 
+ROOT = Path(__file__).parent.parent
+PACKAGES = ("recorder", "processor", "viewer")
+ERRORS = {PomologError.__name__} | {kind.__name__ for kind in PomologError.__subclasses__()}
 MADE = "<!-- Made from the code by docs/reference.py. -->"
 
 
@@ -117,6 +122,42 @@ def _split(docstring: str) -> tuple[str, dict[str, str]]:
     return text, {name: " ".join(meaning.split()) for name, meaning in pairs}
 
 
+def errors() -> Iterator[str]:
+    """Every error that a user can meet, by the file that says it."""
+    yield "# Errors"
+    yield (
+        "\nAn expected failure is one line on stderr (what, where, what now) and exit code 1. "
+        "What stands in braces is filled in. Anything else that is printed is a bug of ours.\n"
+    )
+    by_file: dict[Path, list[str]] = {}
+    for path, _, message in messages():
+        by_file.setdefault(path.relative_to(ROOT), []).append(message)
+    for path, found in by_file.items():
+        yield f"\n## {path}\n"
+        yield from (f"- `{message}`" for message in found)
+
+
+def messages() -> Iterator[tuple[Path, int, str]]:
+    """Every message of a PomologError in the code: its file, line, and words."""
+    for path in sorted(p for d in PACKAGES for p in (ROOT / d).rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Call) and _is_error(node.func) and node.args:
+                yield path, node.lineno, _text(node.args[0])
+
+
+def _is_error(called: ast.expr) -> bool:
+    return isinstance(called, ast.Name) and called.id in ERRORS
+
+
+def _text(message: ast.expr) -> str:
+    if isinstance(message, ast.Constant):
+        return str(message.value)
+    if isinstance(message, ast.JoinedStr):
+        return "".join(_text(part) for part in message.values)
+    inner = message.value if isinstance(message, ast.FormattedValue) else message
+    return "{" + ast.unparse(inner) + "}"
+
+
 def _default(parameter: "Field[Any]") -> str:
     if parameter.default is MISSING:
         return "learned"
@@ -140,4 +181,7 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> Iterator[str]:
     yield ""
 
 
-PAGES = {"session": session, "results": results, "commands": commands, "methods": methods}
+PAGES = {
+    "session": session, "results": results, "commands": commands, "methods": methods,
+    "errors": errors,
+}  # fmt: skip
