@@ -298,4 +298,5 @@ def _done(out: Place, run: dict[str, Any]) -> bool:
     except PomologError:
         return False  # damaged, or of another version
     whole = run["rrd"] == "none" or (out / "trace.rrd").is_file()
-    return whole and len(found["tables"]) == len(TABLES) and found["tables"] == table_digests(out)
+    tables = found.get("tables", {})
+    return whole and len(tables) == len(TABLES) and tables == table_digests(out)

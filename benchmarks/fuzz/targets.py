@@ -16,6 +16,7 @@ from benchmarks.fuzz.mutate import mutate_bytes, mutate_index, mutate_messages, 
 from processor.compare.comparison import compare
 from processor.compare.document import as_document
 from processor.compare.sides import open_sides
+from processor.methods import DEFAULT_MODEL
 from processor.model_file import FOLDER, load_model
 from processor.replay import Replayed, replay
 from processor.run_file import read_run, run_text
@@ -211,7 +212,7 @@ def _label(masks: Path, apples: Path | None, sound: Path, folder: Path) -> str:
 def _model(sound: Path, folder: Path, dice: random.Random) -> Path:
     del sound
     path = folder / "mine.npz"
-    path.write_bytes(mutate_bytes((FOLDER / "pomolog-1.npz").read_bytes(), dice))
+    path.write_bytes(mutate_bytes((FOLDER / f"{DEFAULT_MODEL}.npz").read_bytes(), dice))
     return path
 
 
@@ -271,7 +272,7 @@ def sound_answers(sound: Path, folder: Path) -> dict[str, set[str]]:
         "session": sessions, "rig.toml": [sound / "rig.toml"], "rig, OpenCV": [sound / "rig.yaml"],
         "scene": [sound / "scene.toml"], "label": [sound / "masks"],
         "apples": [sound / "apples.json"], "results": [sound / "results"],
-        "model": [FOLDER / "pomolog-1.npz"],
+        "model": [FOLDER / f"{DEFAULT_MODEL}.npz"],
     }  # fmt: skip
     return {
         target.name: {
