@@ -93,7 +93,10 @@ def replay(
     if len(errors) > 1:
         for error in errors:
             typer.echo(f"pomolog: {' '.join(str(error).split())}", err=True)
-        raise PomologError(f"{len(errors)} of {len(places)} sessions failed, {len(done)} are done")
+        raise PomologError(
+            f"{len(errors)} of {len(places)} sessions failed, {len(done)} are done; "
+            "mend what is said above and run it again, it goes on"
+        )
     if errors:
         others = f" ({len(done)} of {len(places)} sessions are done)" if done else ""
         raise PomologError(f"{errors[0]}{others}")

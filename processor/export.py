@@ -48,7 +48,9 @@ def export_results(runs: Sequence[Run], out: Path, table: str = "apples") -> int
     elif out.suffix in _WRITERS:
         text, count = _WRITERS[out.suffix](rows, TABLES[table].names), len(rows)
     else:
-        raise PomologError(f"{out} ends in none of {', '.join(_WRITERS)}, {COCO_ENDING}")
+        raise PomologError(
+            f"{out} ends in none of {', '.join(_WRITERS)}, {COCO_ENDING}; give one of these"
+        )
     with replacing(out) as part:
         part.write_text(text, encoding="utf-8", newline="")
     return count

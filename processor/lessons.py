@@ -129,7 +129,7 @@ def boxed(folder: Path, part: str) -> list[Lesson]:
             continue
         picture = cv2.imread(str(path))
         if picture is None:
-            raise PomologError(f"cannot read {path}")
+            raise PomologError(f"cannot read {path}; is it a whole JPEG?")
         boxes = read_boxes(folder / "labels" / f"{path.stem}.txt", picture.shape[1::-1])
         labels = np.zeros(picture.shape[:2], np.uint16)
         for share, value in ((SURE_OUTSIDE, UNCOUNTED), (SURE_INSIDE, 1)):

@@ -162,7 +162,7 @@ def _alternative(
             return replace(current, **values)
         return kind(**{**models, **values})
     except ValueError as error:  # values that do not go together
-        raise PomologError(f"[{stage}] {error}") from None
+        raise PomologError(f"[{stage}] {error}; change one of them") from None
 
 
 def _value(place: str, hint: Any, value: Any) -> Any:
@@ -176,7 +176,9 @@ def _value(place: str, hint: Any, value: Any) -> Any:
     except ValidationError as error:
         first = error.errors()[0]
         inner = ".".join(map(str, first["loc"]))
-        raise PomologError(f"{place}{'.' if inner else ''}{inner}: {first['msg']}") from None
+        raise PomologError(
+            f"{place}{'.' if inner else ''}{inner}: {first['msg']}; change it"
+        ) from None
 
 
 def _part(choice: str, hint: Any) -> Any:

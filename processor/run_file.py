@@ -79,7 +79,9 @@ def _check_profile(path: Place, profile: object) -> None:
         return
     if isinstance(profile, str) and re.fullmatch(r"pomolog-results/\d+", profile):
         raise newer_profile(path, profile, RESULTS_PROFILE)
-    raise PomologError(f"{path} has profile {str(profile)[:40]!r}, not {RESULTS_PROFILE}")
+    raise PomologError(
+        f"{path} has profile {str(profile)[:40]!r}, not {RESULTS_PROFILE}; replay it again"
+    )
 
 
 def _crc(about: dict[str, Any]) -> str:

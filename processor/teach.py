@@ -31,7 +31,7 @@ def teach(
         PomologError: nothing to learn from, or a session of the test split.
     """
     if out.suffix != ".npz":
-        raise PomologError(f"{out}: a model's name ends in .npz")
+        raise PomologError(f"{out}: a model's name ends in .npz; give such a name")
     provenance = [_provenance(path) for path in sessions]
     pairs = list(lesson_pairs(sessions))
     photographs = boxed(boxes, "train") if boxes else []

@@ -38,7 +38,15 @@ from recorder.records import (
     Side,
 )
 from recorder.rectify import rectify
-from recorder.rig import LENS_COEFFICIENTS, Camera, Floats, LensModel, Rangefinder, Rig
+from recorder.rig import (
+    KNOWN_LENSES,
+    LENS_COEFFICIENTS,
+    Camera,
+    Floats,
+    LensModel,
+    Rangefinder,
+    Rig,
+)
 
 PROFILE: Final = "pomolog/1"
 
@@ -109,7 +117,10 @@ def decode_frame(side: Side, message: RawMessage, schema: str) -> Frame:
     if schema == RawImage.DESCRIPTOR.full_name:
         raw = RawImage.FromString(message.data)
         if raw.encoding not in RAW_ENCODINGS:
-            raise PomologError(f"{where} has encoding {raw.encoding!r}, which no camera here has")
+            raise PomologError(
+                f"{where} has encoding {raw.encoding!r}, which no camera here has; "
+                f"known are {', '.join(RAW_ENCODINGS)}"
+            )
         encoding, size_px, data = raw.encoding, (raw.width, raw.height), raw.data
         return Frame(side, message.log_ns, encoding, data, size_px, message.sequence)
     compressed = CompressedImage.FromString(message.data)
@@ -145,7 +156,10 @@ def decode_depth(message: RawMessage) -> Depth:
     raw = RawImage.FromString(message.data)
     size_px = (raw.width, raw.height)
     if len(raw.data) != raw.width * raw.height * DEPTH_BYTES.get(raw.encoding, -1):
-        raise PomologError(f"the depth at {message.log_ns} ns is no picture of 16UC1 or 32FC1")
+        raise PomologError(
+            f"the depth at {message.log_ns} ns is no picture of 16UC1 or 32FC1; "
+            "record or import it again"
+        )
     return Depth(message.log_ns, cast("DepthEncoding", raw.encoding), raw.data, size_px)
 
 
@@ -249,9 +263,15 @@ def _decode_camera(message: RawMessage) -> Camera:
     distortion = np.asarray(calibration.D, float)
     lens = cast("LensModel", calibration.distortion_model)
     if not (np.isfinite(matrix).all() and np.isfinite(distortion).all() and matrix[0, 0] > 0):
-        raise PomologError(f"{message.topic} has no finite, positive focal length")
+        raise PomologError(
+            f"{message.topic} has no finite, positive focal length; "
+            "import its pictures again with --rig rig.toml"
+        )
     if len(distortion) not in LENS_COEFFICIENTS.get(lens, ()):
-        raise PomologError(f"{message.topic} has an unknown lens ({lens!r}, {len(distortion)})")
+        raise PomologError(
+            f"{message.topic} has an unknown lens ({lens!r}, {len(distortion)}); "
+            f"known are {KNOWN_LENSES}"
+        )
     return Camera((calibration.width, calibration.height), matrix, distortion, lens)
 
 

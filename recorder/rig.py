@@ -25,6 +25,10 @@ LENS_COEFFICIENTS: dict[LensModel, tuple[int, ...]] = {
     "rational_polynomial": (8, 12, 14),
     "kannala_brandt": (4,),
 }
+# for lines of error: a lens and how many coefficients it has
+KNOWN_LENSES = ", ".join(
+    f"{lens} with {' or '.join(map(str, counts))}" for lens, counts in LENS_COEFFICIENTS.items()
+)
 
 MAX_BASELINE_M = 5.0  # no rig on a robot is wider; a larger number is millimetres
 
@@ -86,7 +90,9 @@ class Rig:
                 )
             focal_px = np.diag(self.camera(side).matrix)[:2]
             if not (np.isfinite(focal_px) & (focal_px > 0)).all():
-                raise PomologError(f"the {side} camera has no finite, positive focal length")
+                raise PomologError(
+                    f"the {side} camera has no finite, positive focal length; calibrate again"
+                )
             _require_plain(self.camera(side).matrix, side)
         orthogonal = np.allclose(self.rotation @ self.rotation.T, np.eye(3), atol=1e-4)
         if not orthogonal or np.linalg.det(self.rotation) < 0:

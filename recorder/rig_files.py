@@ -55,7 +55,7 @@ def _read_yaml(path: Path) -> Rig:
         return _read_pair(*_partners(path))
     raise PomologError(
         "neither a Kalibr camchain (cam0, cam1) nor a ROS camera_info (camera_matrix, "
-        "projection_matrix), and not an OpenCV YAML (it begins with %YAML)"
+        "projection_matrix), and not an OpenCV YAML (it begins with %YAML); see docs/calibration.md"
     )
 
 
@@ -64,7 +64,10 @@ def _read_pair(left: Path, right: Path) -> Rig:
     for path in (left, right):
         content = parse(read_text(path))
         if content is None or not is_camera_info(content):
-            raise PomologError(f"{path.name} is no ROS camera_info")
+            raise PomologError(
+                f"{path.name} is no ROS camera_info; "
+                "name the two that are: --rig left.yaml,right.yaml"
+            )
         contents.append(content)
     return rig_of_camera_infos(contents[0], contents[1])
 
@@ -80,7 +83,7 @@ def _named_pair(path: Path) -> tuple[Path, Path] | None:
             return found["left"][0], found["right"][0]
         raise PomologError(
             f"no rig at {path}: a folder is a ROS camera_info pair and has one left and one right "
-            ".yaml"
+            ".yaml; or name the two: --rig left.yaml,right.yaml"
         )
     left, comma, right = str(path).partition(",")
     if comma and not path.exists():
@@ -103,7 +106,8 @@ def _partners(path: Path) -> tuple[Path, Path]:
     )
     if not other.is_file():
         raise PomologError(
-            f"it is one camera's camera_info, and there is no {other.name} beside it"
+            f"it is one camera's camera_info, and there is no {other.name} beside it; "
+            "name both with a comma: --rig left.yaml,right.yaml"
         )
     return (path, other) if word == "left" else (other, path)
 

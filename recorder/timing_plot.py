@@ -28,7 +28,7 @@ def draw_timing(timing: Timing, verdict: Verdict | None, out: Path, title: str) 
         PomologError: another ending than .png, .svg or .pdf, or it cannot be written.
     """
     if out.suffix.lower() not in ENDINGS:
-        raise PomologError(f"--plot {out}: its name must end in {', '.join(ENDINGS)}")
+        raise PomologError(f"--plot {out}: give a name that ends in {', '.join(ENDINGS)}")
     import matplotlib as mpl  # 0.3 s to import
     from matplotlib.figure import Figure
 

@@ -31,10 +31,16 @@ def decode_labels(message: RawMessage, size_px: tuple[int, int]) -> Labels:
     png = CompressedImage.FromString(message.data).data
     encoding, found_px = identify(png, message.topic)
     if encoding != "png" or found_px != size_px:
-        raise PomologError(f"{message.topic} at {message.log_ns} ns does not fit its picture")
+        raise PomologError(
+            f"{message.topic} at {message.log_ns} ns does not fit its picture; "
+            "label the session again"
+        )
     labels = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_UNCHANGED)
     if labels is None or labels.dtype != np.uint16 or labels.ndim != 2:
-        raise PomologError(f"{message.topic} at {message.log_ns} ns is no 16-bit label picture")
+        raise PomologError(
+            f"{message.topic} at {message.log_ns} ns is no 16-bit label picture; "
+            "label the session again"
+        )
     return cast("Labels", labels)
 
 

@@ -98,7 +98,7 @@ def save(opening: Opening, out: Path) -> None:
     if opening.frame is not None:
         raise PomologError("a saved recording opens at its beginning; leave --frame and --time out")
     if out.suffix != ".rrd":
-        raise PomologError(f"{out} should end in .rrd, or no viewer opens it")
+        raise PomologError(f"{out} should end in .rrd, or no viewer opens it; give such a name")
     with replacing(out) as part:
         join_recordings(opening.files, part)
 
@@ -111,7 +111,9 @@ def _file(path: Path, wish: Wish, folder: Path) -> Opening:
         save_layout(rbl, layout(active=wish.tab))
         return Opening((path, rbl), wish.frame)
     if path.suffix != ".mcap":
-        raise PomologError(f"{path} is no session, recording or folder of results")
+        raise PomologError(
+            f"{path} is no session, recording or folder of results; is the name right?"
+        )
     from recorder.progress import progress
     from recorder.rectify import rectify
     from recorder.session import Session
@@ -219,7 +221,9 @@ def _side_by_side(paths: Sequence[Path], wish: Wish, folder: Path) -> Opening:
     runs = [_drawn_runs(path, wish.session) for path in paths]
     shared = set.intersection(*({r.about["session"]["name"] for r in found} for found in runs))
     if not shared:
-        raise PomologError(f"{' and '.join(map(str, paths))} have no session in common")
+        raise PomologError(
+            f"{' and '.join(map(str, paths))} have no session in common; replay one with both"
+        )
     if len(shared) > 1:
         raise PomologError(
             f"{len(shared)} sessions in common; add --session with one of "

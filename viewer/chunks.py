@@ -117,4 +117,4 @@ def write_recording(path: Path, chunks: Iterable[Chunk], recording_id: str) -> N
                 part, application_id=APPLICATION, recording_id=recording_id
             )
         except (OSError, RuntimeError) as error:
-            raise PomologError(f"cannot write {path}: {error}") from None
+            raise PomologError(f"cannot write {path}: {error}; is the disk full?") from None

@@ -59,7 +59,9 @@ def open_viewer(
         quiet = {**os.environ, "RUST_LOG": os.environ.get("RUST_LOG", "error")}
         viewer = subprocess.Popen([*command, *map(str, files)], env=quiet)
     except OSError as error:
-        raise PomologError(f"cannot start the viewer {command[0]}: {error.strerror}") from None
+        raise PomologError(
+            f"cannot start the viewer {command[0]}: {error.strerror}; install pomolog again"
+        ) from None
     if frame is not None and not web:
         threading.Thread(target=go_to, args=(port, frame), daemon=True).start()
     try:
@@ -67,7 +69,10 @@ def open_viewer(
     finally:
         viewer.terminate()
     if code > 0:
-        raise PomologError(f"the viewer stopped with exit code {code}")
+        raise PomologError(
+            f"the viewer stopped with exit code {code}; "
+            "see its lines above, and --web needs no screen"
+        )
 
 
 def page_address(bind: str, page_port: int, port: int) -> str:

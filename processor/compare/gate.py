@@ -116,9 +116,9 @@ def _values(path: Path, table: Mapping[str, Any]) -> Iterator[Rule]:
 def _number(said: str, name: str, kind: str, limit: Any) -> float:
     number = isinstance(limit, int | float) and not isinstance(limit, bool)
     if not number or not abs(limit) < LARGEST:
-        raise PomologError(f"{said} is no number to work with")
+        raise PomologError(f"{said} is no number to work with; give a finite one")
     if kind == "not_worse_by" and limit < 0:
-        raise PomologError(f"{said} is negative")
+        raise PomologError(f"{said} is negative; give 0 or more")
     if kind == MATTERS and limit <= 0:
         raise PomologError(f"{said} must be more than 0: no data could show less")
     if name in MEASURES and MEASURES[name].is_rate and not 0 <= limit <= 1:

@@ -77,7 +77,9 @@ def _parse(word: str) -> Varied:
     values = tuple(_values(text))
     shown = [json.dumps(value, default=str) for value in values]
     if len(set(shown)) < len(shown):
-        raise PomologError(f"--vary {word}: {max(shown, key=shown.count)} is given twice")
+        raise PomologError(
+            f"--vary {word}: {max(shown, key=shown.count)} is given twice; give it once"
+        )
     return Varied(stage, parameter or "use", values)
 
 

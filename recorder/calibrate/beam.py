@@ -134,7 +134,7 @@ def fit_beam(readings: Sequence[Reading], known: Rangefinder | None) -> BeamFit:
     raise PomologError(
         f"{best.used} readings do not tell where the rangefinder is (its direction to "
         f"{np.rad2deg(best.angle_std_rad):.1f} degrees, its origin to "
-        f"{1e3 * best.origin_std_m.max():.0f} mm): hold the board into the beam at more tilts and "
+        f"{1e3 * best.origin_std_m.max():.0f} mm); hold the board into the beam at more tilts and "
         "distances"
         + ("" if known else ", or write [rangefinder] by a ruler into the session's rig")
     )

@@ -110,7 +110,9 @@ def parse_board(text: str) -> Board:
         across, down = _count(rest[0], text)
         square_m, marker_m = (_length_m(word, text) for word in rest[1:3])
         if not marker_m < square_m:
-            raise PomologError(f"--board {text}: a marker is smaller than its square")
+            raise PomologError(
+                f"--board {text}: a marker is smaller than its square; give the square's side first"
+            )
         name = rest[3] if len(rest) == 4 else ""
         return Board("charuco", across - 1, down - 1, square_m, marker_m, name)
     raise PomologError(f"--board {text}: give {FORM}")

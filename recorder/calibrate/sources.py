@@ -126,7 +126,7 @@ def _require_partners(
     if alone:
         raise PomologError(
             f"{left_name} and {right_name} do not hold the same views: {', '.join(alone[:5])} "
-            "without a partner of the same name"
+            "without a partner of the same name; rename them, or take them away"
         )
 
 
@@ -141,7 +141,7 @@ def _read(path: Path) -> Grey:
     try:
         data = path.read_bytes()
     except OSError as error:
-        raise PomologError(f"cannot read {path}: {error.strerror}") from None
+        raise PomologError(f"cannot read {path}: {error.strerror}; is it still there?") from None
     identify(data, str(path))
     flags = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION
     grey = cv2.imdecode(np.frombuffer(data, np.uint8), flags)

@@ -120,7 +120,7 @@ def sight(board: Board, pairs: Pairs, tick: Callable[[], None] = lambda: None) -
                 sharpest[side] = (sharp, grey)
         tick()
     if not views:
-        raise PomologError("no pictures to calibrate from")
+        raise PomologError("no pictures to calibrate from; are the folders right?")
     found = Sighting(board, tuple(views), sizes[0], sizes[1], finder.pattern if finder else None)
     for side in SIDES:
         if not any(len(getattr(view, side)) for view in views):
@@ -141,7 +141,7 @@ def _charuco(board: Board, pairs: Pairs) -> CharucoFinder:
         if len(samples) == 2 * SAMPLES:
             samples, step = samples[::2], 2 * step
     if not samples:
-        raise PomologError(f"no {board} in the pictures: they are empty")
+        raise PomologError(f"no {board} in the pictures: they are empty; was a lens covered?")
     return charuco_finder(board, samples[:SAMPLES])
 
 

@@ -134,7 +134,10 @@ def _transform(child: str, origin_m: Floats, turn: Floats, time_ns: int) -> dict
 def _header(frame_id: str, time_ns: int) -> dict[str, Any]:
     seconds, nanos = divmod(time_ns, 1_000_000_000)
     if seconds > _LAST_S:
-        raise PomologError(f"a message at {time_ns} ns is later than 2038, which ROS cannot say")
+        raise PomologError(
+            f"a message at {time_ns} ns is later than 2038, which ROS cannot say; "
+            "was the clock right?"
+        )
     return {"stamp": {"sec": seconds, "nanosec": nanos}, "frame_id": frame_id}
 
 

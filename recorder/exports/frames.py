@@ -77,7 +77,9 @@ def _depth_file(depth: Depth) -> tuple[bytes, str]:
     rows = np.frombuffer(depth.data, kind).reshape(depth.size_px[::-1])
     done, data = cv2.imencode(f".{ending}", rows)
     if not done:
-        raise PomologError(f"the depth at {depth.time_ns} ns cannot be written as {ending}")
+        raise PomologError(
+            f"the depth at {depth.time_ns} ns cannot be written as {ending}; is it damaged?"
+        )
     return data.tobytes(), ending
 
 

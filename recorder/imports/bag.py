@@ -111,7 +111,9 @@ class Bag:
                 continue
             plain = {key: value for key, value in entries.items() if key != "crc32"}
             if entries.get("crc32") != metadata_crc(plain):
-                raise PomologError(f"{container.path} is damaged (its metadata fails its CRC)")
+                raise PomologError(
+                    f"{container.path} is damaged (its metadata fails its CRC); copy it again"
+                )
             if name == "session":
                 self.metadata = plain
             else:

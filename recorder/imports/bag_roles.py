@@ -112,7 +112,7 @@ def _require(bag: Bag, wanted: Mapping[str, str]) -> None:
         if topic.kind not in kinds[role]:
             raise PomologError(
                 f"--{flag}: {name} holds {topic.schema or 'no schema'} ({topic.encoding}), "
-                f"which cannot be read as that"
+                f"which cannot be read as that; {bag.listing()}"
             )
     given = [name for name in wanted.values() if name != "-"]
     if len(set(given)) < len(given):
@@ -127,7 +127,9 @@ def first_message(bag: Bag, topic: Topic) -> Any:
     """
     message = bag.first(topic.name)
     if message is None:
-        raise PomologError(f"{bag.path} is damaged (no messages of {topic.name}, but counted)")
+        raise PomologError(
+            f"{bag.path} is damaged (no messages of {topic.name}, but counted); copy it again"
+        )
     with reporting_damage(bag.path, f"the first message of {topic.name}", "record it again"):
         return decode(topic, message)
 

@@ -139,7 +139,9 @@ def import_bag(
             seen[item.role].append(item.time_ns)
             tick()
         if not seen["left"]:
-            raise PomologError(f"no left picture came out of {roles.left} in {bag.path}")
+            raise PomologError(
+                f"no left picture came out of {roles.left} in {bag.path}; say --left TOPIC"
+            )
         for name, entries in bag.records.items():
             session.add_metadata(name, entries)
     return _outcome(plan, seen)
@@ -159,7 +161,9 @@ def _plan(
 ) -> _Plan:
     for role in offsets_ns:
         if role == "left" or getattr(roles, role, None) is None:
-            raise PomologError(f"--offset {role}: right, range or depth can be shifted, if chosen")
+            raise PomologError(
+                f"--offset {role}: right, range or depth can be shifted, if chosen; leave it out"
+            )
     remarks: list[str] = []
     before = {k: v for k, v in bag.metadata.items() if k not in _WRITTEN_ANEW}
     about = {"made_by": "import bag", **before, **metadata}

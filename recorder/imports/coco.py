@@ -71,13 +71,13 @@ def read_coco(path: Path) -> tuple[PictureLabels, ...]:
     found = _parse(path)
     pictures = {picture.id: picture for picture in found.images}
     if len(pictures) < len(found.images):
-        raise PomologError(f"{path}: an image's id stands twice")
+        raise PomologError(f"{path}: an image's id stands twice; export it again")
     names = {category.id: category.name for category in found.categories}
     shapes: dict[int | str, list[Shape]] = {key: [] for key in pictures}
     for number, annotation in enumerate(found.annotations):
         where = f"{path}, annotation {number}"
         if annotation.image_id not in pictures:
-            raise PomologError(f"{where}: no image {annotation.image_id}")
+            raise PomologError(f"{where}: no image {annotation.image_id}; export it again")
         name = names.get(annotation.category_id, str(annotation.category_id))
         size_px = pictures[annotation.image_id].size_px
         shapes[annotation.image_id].append(_shape(annotation, name, size_px, where))
@@ -116,15 +116,17 @@ def _shape(
         counts = segmentation.counts
         runs = unpack_runs(counts, where) if isinstance(counts, str) else counts
         if size_px is not None and segmentation.size != size_px[::-1]:
-            raise PomologError(f"{where}: run lengths of another size than its image's")
+            raise PomologError(
+                f"{where}: run lengths of another size than its image's; export it again"
+            )
         return Shape(mask=cropped(mask_of_runs(runs, segmentation.size, where)), **common)
     if segmentation:
         if any(len(part) % 2 for part in segmentation):
-            raise PomologError(f"{where}: a polygon has an x without its y")
+            raise PomologError(f"{where}: a polygon has an x without its y; export it again")
         parts = tuple(np.array(part, float).reshape(-1, 2) for part in segmentation)
         return Shape(polygons=parts, **common)
     if annotation.bbox is None:
-        raise PomologError(f"{where} has neither a segmentation nor a bbox")
+        raise PomologError(f"{where} has neither a segmentation nor a bbox; label it again")
     return Shape(box=annotation.bbox, kind=annotation.outline, **common)
 
 
@@ -148,5 +150,5 @@ def whole_number(value: Any, where: str) -> int:
         if isinstance(value, float) and number != value:
             raise ValueError
     except (TypeError, ValueError, OverflowError):
-        raise PomologError(f"{where}: {str(value)[:40]!r} is no whole number") from None
+        raise PomologError(f"{where}: {str(value)[:40]!r} is no whole number; give one") from None
     return number

@@ -38,20 +38,22 @@ def read_cvat(path: Path) -> tuple[PictureLabels, ...]:
             for image in root.findall("image")
         )
     except (KeyError, ValueError) as error:
-        raise PomologError(f"{path} is no XML of CVAT: {error}") from None
+        raise PomologError(f"{path} is no XML of CVAT: {error}; export it as CVAT 1.1") from None
 
 
 def _parse(path: Path) -> ET.Element:
     try:
         text = path.read_bytes()
     except OSError as error:
-        raise PomologError(f"cannot read {path}: {error.strerror}") from None
+        raise PomologError(f"cannot read {path}: {error.strerror}; is the name right?") from None
     if b"<!DOCTYPE" in text or b"<!ENTITY" in text:
-        raise PomologError(f"{path} defines entities, which no XML of CVAT does")
+        raise PomologError(
+            f"{path} defines entities, which no XML of CVAT does; export it as CVAT 1.1"
+        )
     try:
         root = ET.fromstring(text)  # without entities there is no bomb
     except (ET.ParseError, LookupError, ValueError) as error:  # also an unknown encoding
-        raise PomologError(f"{path} is not XML: {error}") from None
+        raise PomologError(f"{path} is not XML: {error}; export it as CVAT 1.1") from None
     if root.tag != "annotations" or not (root.findall("image") or root.findall("track")):
         raise PomologError(f"{path} has no images and no tracks; export it as CVAT 1.1")
     return root
@@ -112,6 +114,8 @@ def _mask(value: dict[str, str], where: str) -> tuple[Mask, tuple[int, int]]:
     runs = np.array(value["rle"].split(","), np.int64)
     left, top, width, height = (int(value[key]) for key in ("left", "top", "width", "height"))
     if (runs < 0).any() or runs.sum() != width * height or width * height > 1 << 28:
-        raise PomologError(f"{where}: run lengths do not fill {width} x {height} px")
+        raise PomologError(
+            f"{where}: run lengths do not fill {width} x {height} px; export it again"
+        )
     filled = np.repeat(np.arange(len(runs)) % 2 == 1, runs)
     return filled.reshape(height, width), (left, top)

@@ -20,9 +20,9 @@ def read_text(path: Path, kind: str = "a label file") -> str:
     try:
         return path.read_text(encoding="utf-8-sig")
     except OSError as error:
-        raise PomologError(f"cannot read {path}: {error.strerror}") from None
+        raise PomologError(f"cannot read {path}: {error.strerror}; is the name right?") from None
     except UnicodeDecodeError:
-        raise PomologError(f"{path} is not {kind}: it is no text") from None
+        raise PomologError(f"{path} is not {kind}: it is no text; is it the right file?") from None
 
 
 def read_json(path: Path) -> Any:
@@ -34,7 +34,9 @@ def read_json(path: Path) -> Any:
     try:
         return json.loads(read_text(path, "JSON"))
     except (ValueError, RecursionError) as error:  # also a number of thousands of digits
-        raise PomologError(f"{path} is not JSON: {str(error)[:200]}") from None
+        raise PomologError(
+            f"{path} is not JSON: {str(error)[:200]}; is it the right file?"
+        ) from None
 
 
 def wrong_entry(path: Path, error: ValidationError, wanted: str) -> PomologError:

@@ -134,7 +134,10 @@ def read_yolo(folder: Path) -> tuple[PictureLabels, ...]:
                 fractions = [float(value) for value in values]
                 category = names[int(kind)] if names else str(int(kind))
             except (ValueError, IndexError):
-                raise PomologError(f"{where} is no label of YOLO: {line.strip()[:60]!r}") from None
+                raise PomologError(
+                    f"{where} is no label of YOLO: {line.strip()[:60]!r}; "
+                    "one is a class and its numbers"
+                ) from None
             shapes.append(_yolo_shape(fractions, category, where))
         place = path.relative_to(folder).with_suffix("").as_posix()
         found.append(PictureLabels(place, tuple(shapes), fractions=True))
@@ -211,7 +214,7 @@ def _cells(path: Path) -> list[list[str]]:
     try:
         rows = list(csv.reader(io.StringIO(read_text(path))))
     except csv.Error as error:
-        raise PomologError(f"{path} is no CSV: {error}") from None
+        raise PomologError(f"{path} is no CSV: {error}; export it again") from None
     return [[" ".join(cell.split()) for cell in row] for row in rows]
 
 
@@ -236,7 +239,7 @@ def _circle_shape(cells: Mapping[str, str], where: str) -> Shape:
 
 def _files(folder: Path, suffix: str) -> list[Path]:
     if not folder.is_dir():
-        raise PomologError(f"{folder} is no folder of label files")
+        raise PomologError(f"{folder} is no folder of label files; is the name right?")
     found = sorted(path for path in folder.rglob(f"*{suffix}") if path.is_file())
     if not found:
         raise PomologError(f"no {suffix} files in {folder}; is it the right folder?")
@@ -245,24 +248,26 @@ def _files(folder: Path, suffix: str) -> list[Path]:
 
 def _no_format(path: Path, tool: str, error: Exception) -> PomologError:
     if isinstance(error, KeyError):
-        return PomologError(f"{path} is no file of {tool}: it has no {error}")
-    return PomologError(f"{path} is no file of {tool}: {error}")
+        return PomologError(f"{path} is no file of {tool}: it has no {error}; export it again")
+    return PomologError(f"{path} is no file of {tool}: {error}; export it again")
 
 
 def _inflated(packed: bytes, where: str) -> bytes:
     try:
         unpacked = zlib.decompressobj().decompress(packed, 1 << 24)
     except zlib.error:
-        raise PomologError(f"{where}: its bitmap is damaged") from None
+        raise PomologError(f"{where}: its bitmap is damaged; export it again") from None
     return unpacked
 
 
 def _png_mask(png: bytes, where: str) -> Mask:
     _, size_px = identify(png, where)
     if max(size_px) > MAX_SIDE_PX:
-        raise PomologError(f"{where}: a mask of {size_px} px")
+        raise PomologError(
+            f"{where}: a mask of {size_px[0]} x {size_px[1]} px; a side has {MAX_SIDE_PX} at most"
+        )
     verify(png, where)
     mask = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_UNCHANGED)
     if mask is None:
-        raise PomologError(f"{where}: its mask is no PNG")
+        raise PomologError(f"{where}: its mask is no PNG; export it again")
     return np.asarray(mask if mask.ndim == 2 else mask[..., -1]) > 0

@@ -100,10 +100,14 @@ class LabelTruth:
                 lone += 1
                 continue
             if (side, pair) in self._found:
-                raise PomologError(f"{picture.name}: the {side} picture {pair} is labelled twice")
+                raise PomologError(
+                    f"{picture.name}: the {side} picture {pair} is labelled twice; leave one out"
+                )
             self._found[side, pair] = picture
         if not self._found:
-            raise PomologError(f"no labels for the pictures of {session.path}")
+            raise PomologError(
+                f"no labels for the pictures of {session.path}; are they of another session?"
+            )
         of = len(session) * (1 if session.one_view else 2)
         self.summary = Labelled(len(self._found), of, len(shapes), self._pixels, self._shared, lone)
 
@@ -145,7 +149,9 @@ def _refuse_twins(outlines: Sequence[Outline], name: str) -> None:
     numbers = Counter(outline.id for outline in outlines if outline.id != UNCOUNTED)
     twice = [number for number, count in numbers.items() if count > 1]
     if twice:
-        raise PomologError(f"{name}: apple {min(twice)} has two boxes in one picture")
+        raise PomologError(
+            f"{name}: apple {min(twice)} has two boxes in one picture; leave one out"
+        )
 
 
 def _with_labels(truth: FrameTruth, side: Side, labels: Labels) -> FrameTruth:
@@ -188,7 +194,7 @@ def _of_size(picture: PictureLabels, size_px: tuple[int, int]) -> PictureLabels:
         assert picture.size_px is not None
         raise PomologError(
             f"the labels of {picture.name} are of {picture.size_px[0]} x {picture.size_px[1]} px, "
-            f"its picture is of {size_px[0]} x {size_px[1]}"
+            f"its picture is of {size_px[0]} x {size_px[1]}; label the picture as recorded"
         )
     return picture
 

@@ -86,7 +86,9 @@ class MaskTruth:
         if not self._masks and any(folder.glob("*.png")):
             self._masks = {SIDES[0]: pictures_in(folder)}
         if not self._masks:
-            raise PomologError(f"no left or right folder of masks in {folder}")
+            raise PomologError(
+                f"no left or right folder of masks in {folder}; is it the right folder?"
+            )
         self._instances = instances
         self._apples = None if apples is None else _read_apples(apples)
         self._partial = partial
@@ -180,7 +182,9 @@ def _read_apples(path: Path) -> tuple[tuple[AppleTruth, ...], ...]:
     frames = tuple(tuple(apple.truth() for apple in frame) for frame in entries)
     for number, frame in enumerate(frames):
         if len({apple.id for apple in frame}) < len(frame):
-            raise PomologError(f"{path}, frame {number}: an apple's id stands twice")
+            raise PomologError(
+                f"{path}, frame {number}: an apple's id stands twice; give each its own"
+            )
     return frames
 
 
@@ -189,7 +193,7 @@ def _read_mask(path: Path, size_px: tuple[int, int], *, instances: bool) -> tupl
     try:
         data = path.read_bytes()
     except OSError as error:
-        raise PomologError(f"cannot read {path}: {error.strerror}") from None
+        raise PomologError(f"cannot read {path}: {error.strerror}; is it still there?") from None
     encoding, _ = identify(data, str(path))
     verify(data, str(path))  # first: OpenCV prints what it thinks of a damaged file
     mask = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)

@@ -52,9 +52,11 @@ class Shape:
     def __post_init__(self) -> None:
         numbers = [np.asarray(self.box or (), float), *self.polygons]
         if not all((np.abs(part) < LARGEST_PX).all() for part in numbers):
-            raise PomologError(f"{self.where}: a coordinate is not finite, or absurdly large")
+            raise PomologError(
+                f"{self.where}: a coordinate is not finite, or absurdly large; label it again"
+            )
         if self.box is not None and min(self.box[2:]) < 0:
-            raise PomologError(f"{self.where}: a box of negative width or height")
+            raise PomologError(f"{self.where}: a box of negative width or height; label it again")
         if any(part.ndim != 2 or part.shape[1] != 2 or len(part) < 3 for part in self.polygons):
             raise PomologError(f"{self.where}: a polygon needs three points or more")
         for known in (self.id, self.number):
@@ -165,7 +167,9 @@ def mask_of_runs(runs: Sequence[int], size: tuple[int, int], where: str) -> Mask
     """
     counts = np.asarray(runs, np.int64)
     if (counts < 0).any() or int(counts.sum()) != size[0] * size[1]:
-        raise PomologError(f"{where}: run lengths do not fill {size[1]} x {size[0]} px")
+        raise PomologError(
+            f"{where}: run lengths do not fill {size[1]} x {size[0]} px; export it again"
+        )
     values = np.arange(len(counts)) % 2 == 1
     return np.repeat(values, counts).reshape(size[::-1]).T
 
@@ -196,7 +200,7 @@ def unpack_runs(text: str, where: str) -> list[int]:
     value = shift = 0
     for character in text.encode("ascii", "replace"):
         if not 48 <= character < 112 or shift > 60:
-            raise PomologError(f"{where}: no compressed run lengths")
+            raise PomologError(f"{where}: no compressed run lengths; export it again")
         bits = character - 48
         value |= (bits & 0x1F) << shift
         shift += 5

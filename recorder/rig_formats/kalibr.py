@@ -39,10 +39,13 @@ def rig_of_kalibr(content: Mapping[str, Any]) -> Rig:
         )
     for name in chain:
         if not isinstance(content[name], dict):
-            raise PomologError(f"{name} is no camera")
+            raise PomologError(f"{name} is no camera; is the file as Kalibr wrote it?")
     step = numbers(content["cam1"], ("T_cn_cnm1",), 16, where="cam1.").reshape(4, 4)
     if not np.allclose(step[3], (0, 0, 0, 1)):
-        raise PomologError("cam1.T_cn_cnm1 is no transform: its last row is not 0, 0, 0, 1")
+        raise PomologError(
+            "cam1.T_cn_cnm1 is no transform: its last row is not 0, 0, 0, 1; "
+            "is the file as Kalibr wrote it?"
+        )
     left, right = (_camera(content[name], f"{name}.") for name in chain)
     return Rig(left, right, step[:3, :3].copy(), step[:3, 3].copy(), beam_of_table(content["cam0"]))
 

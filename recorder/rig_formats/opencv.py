@@ -13,7 +13,15 @@ import numpy as np
 from recorder.errors import PomologError
 from recorder.opencv_yaml import require_sound
 from recorder.rectify import rectify
-from recorder.rig import LENS_COEFFICIENTS, Camera, Floats, LensModel, Rangefinder, Rig
+from recorder.rig import (
+    KNOWN_LENSES,
+    LENS_COEFFICIENTS,
+    Camera,
+    Floats,
+    LensModel,
+    Rangefinder,
+    Rig,
+)
 
 _BEAM: Final = ("rangefinder_origin_m", "rangefinder_direction", "rangefinder_std_m")
 
@@ -134,7 +142,10 @@ def _camera(size_px: tuple[int, int], matrix: Floats, coefficients: Floats, name
             name not in get_args(LensModel)
             or count not in LENS_COEFFICIENTS[cast("LensModel", name)]
         ):
-            raise PomologError(f"lens {name!r} with {count} distortion coefficients is unknown")
+            raise PomologError(
+                f"lens {name!r} with {count} distortion coefficients is unknown; "
+                f"known are {KNOWN_LENSES}"
+            )
         return Camera(size_px, matrix, coefficients, cast("LensModel", name))
     for lens in ("plumb_bob", "rational_polynomial"):
         if count in LENS_COEFFICIENTS[lens]:

@@ -111,7 +111,8 @@ def read_toml(path: Path) -> Rig:
             text_files.read_toml(path, "see docs/architecture.md for a rig")
         )
     except PomologError as error:  # whoever asked names the file
-        raise PomologError(str(error).removeprefix(f"{path} ").removeprefix("is ")) from None
+        said = str(error).removeprefix(f"{path} ").removeprefix("is ")
+        raise PomologError(said) from None
     except ValidationError as error:
         first = error.errors()[0]
         key = ".".join(map(str, first["loc"]))

@@ -108,7 +108,7 @@ def camera_info_text(rig: Rig, side: Side) -> str:
 
 def _camera(info: Mapping[str, Any], where: str) -> Camera:
     if not is_camera_info(info):
-        raise PomologError(f"the {where}file is no camera_info")
+        raise PomologError(f"the {where}file is no camera_info; is it the right one?")
     name = str(info.get("distortion_model"))
     if name not in MODELS:
         raise PomologError(f"{where}distortion_model is {name}; known are {', '.join(MODELS)}")
@@ -117,7 +117,10 @@ def _camera(info: Mapping[str, Any], where: str) -> Camera:
     if lens == "plumb_bob" and coefficients.size == 8:
         lens = "rational_polynomial"  # some drivers say plumb_bob with eight numbers
     if coefficients.size not in LENS_COEFFICIENTS[lens]:
-        raise PomologError(f"{where}{name} has {coefficients.size} distortion coefficients")
+        raise PomologError(
+            f"{where}{name} has {coefficients.size} distortion coefficients; "
+            f"it takes {' or '.join(map(str, LENS_COEFFICIENTS[lens]))}"
+        )
     size_px = (
         whole_number(info, ("image_width", "width"), where=where),
         whole_number(info, ("image_height", "height"), where=where),
@@ -130,7 +133,7 @@ def _nearest_rotation(matrix: Floats, side: str) -> Floats:
     """The rotation that a few printed decimals mean."""
     u, lengths, v = np.linalg.svd(matrix)
     if np.abs(lengths - 1).max() > 1e-3 or np.linalg.det(matrix) < 0:
-        raise PomologError(f"the {side} rectification_matrix is no rotation")
+        raise PomologError(f"the {side} rectification_matrix is no rotation; calibrate again")
     return np.asarray(u @ v, float)
 
 

@@ -22,7 +22,7 @@ def read_text(path: Path) -> str:
     try:
         data = path.read_bytes()
     except OSError as error:
-        raise PomologError(f"cannot be read: {error.strerror}") from None
+        raise PomologError(f"cannot be read: {error.strerror}; is the name right?") from None
     if len(data) > MAX_BYTES:
         raise PomologError(f"{len(data) / 1e6:.0f} MB are no calibration; is it the right file?")
     try:
@@ -62,18 +62,18 @@ def numbers(
     """
     key = next((key for key in keys if key in table), None)
     if key is None:
-        raise PomologError(f"no {where}{keys[0]}")
+        raise PomologError(f"no {where}{keys[0]}; is it the whole calibration?")
     value = table[key]
     if isinstance(value, dict):
         value = value.get("data")
     try:
         found = np.asarray(value, float).ravel()
     except (TypeError, ValueError):
-        raise PomologError(f"{where}{key} is not a list of numbers") from None
+        raise PomologError(f"{where}{key} is not a list of numbers; calibrate again") from None
     if count is not None and found.size != count:
         raise PomologError(f"{where}{key} has {found.size} numbers; it needs {count}")
     if not np.isfinite(found).all():
-        raise PomologError(f"{where}{key} has a number that is not finite")
+        raise PomologError(f"{where}{key} has a number that is not finite; calibrate again")
     return found
 
 
@@ -85,7 +85,7 @@ def whole_number(table: Mapping[str, Any], keys: Sequence[str], *, where: str = 
     """
     found = float(numbers(table, keys, 1, where=where)[0])
     if found != int(found):
-        raise PomologError(f"{where}{keys[0]} is {found:g}, no whole number")
+        raise PomologError(f"{where}{keys[0]} is {found:g}, no whole number; give one")
     return int(found)
 
 
@@ -106,7 +106,7 @@ def beam_of_table(table: Mapping[str, Any]) -> Rangefinder | None:
     direction = numbers(beam, ("direction",), 3, where="rangefinder.")
     length = float(np.linalg.norm(direction))
     if not length > 0:
-        raise PomologError("rangefinder.direction must not be zero")
+        raise PomologError("rangefinder.direction must not be zero; give its x, y, z")
     return Rangefinder(
         numbers(beam, ("origin_m",), 3, where="rangefinder."),
         direction / length,
