@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from recorder.commands import command_group
 from recorder.errors import PomologError, TornFileError
 
 if TYPE_CHECKING:
@@ -16,10 +17,7 @@ if TYPE_CHECKING:
     from recorder.plan import Plan
     from recorder.status import RecorderStatus
 
-app = typer.Typer(
-    add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False,
-    context_settings={"help_option_names": ["-h", "--help"]},
-)  # fmt: skip
+app = command_group()
 
 SessionArgument = Annotated[Path, typer.Argument(metavar="S", help="A session (.mcap).")]
 Output = Annotated[Path, typer.Option("--out", "-o", help="The session to write.")]

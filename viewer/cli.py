@@ -7,15 +7,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from recorder.commands import command_group
 from recorder.errors import PomologError
 
 if TYPE_CHECKING:
     from processor.worst import Kind
 
-app = typer.Typer(
-    add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False,
-    context_settings={"help_option_names": ["-h", "--help"]},
-)  # fmt: skip
+app = command_group()
 
 DEMO_SESSION = Path(__file__).parent.parent / "sessions" / "demo.mcap"
 

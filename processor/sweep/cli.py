@@ -7,12 +7,10 @@ from typing import Annotated
 
 import typer
 
+from recorder.commands import command_group
 from recorder.errors import PomologError
 
-app = typer.Typer(
-    add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False,
-    context_settings={"help_option_names": ["-h", "--help"]},
-)  # fmt: skip
+app = command_group()
 
 
 @app.callback()

@@ -7,14 +7,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from recorder.commands import command_group
+
 if TYPE_CHECKING:
     from recorder.calibrate.beam import BeamFit
     from recorder.calibrate.calibration import Calibration
 
-app = typer.Typer(
-    add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False,
-    context_settings={"help_option_names": ["-h", "--help"]},
-)  # fmt: skip
+app = command_group()
 rigs = typer.Typer(no_args_is_help=True)
 app.add_typer(
     rigs,

@@ -7,10 +7,9 @@ from typing import Annotated
 
 import typer
 
-app = typer.Typer(
-    add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False,
-    context_settings={"help_option_names": ["-h", "--help"]},
-)  # fmt: skip
+from recorder.commands import command_group
+
+app = command_group()
 imports = typer.Typer(no_args_is_help=True)
 app.add_typer(
     imports,
