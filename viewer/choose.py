@@ -40,7 +40,11 @@ class Wish:
 
 @dataclass(frozen=True, slots=True)
 class Opening:
-    """Files to open, the layout last, and where."""
+    """Files to open, and where.
+
+    The layout comes first: a recording that is read before it is shown in the viewer's own views,
+    and stays so.
+    """
 
     files: tuple[Path, ...]
     frame: int | None = None
@@ -109,7 +113,7 @@ def _file(path: Path, wish: Wish, folder: Path) -> Opening:
     rbl = folder / "layout.rbl"
     if path.suffix == ".rrd":
         save_layout(rbl, layout(active=wish.tab))
-        return Opening((path, rbl), wish.frame)
+        return Opening((rbl, path), wish.frame)
     if path.suffix != ".mcap":
         raise PomologError(
             f"{path} is no session, recording or folder of results; is the name right?"
@@ -129,7 +133,7 @@ def _file(path: Path, wish: Wish, folder: Path) -> Opening:
     with progress("drawing", pairs) as tick:
         draw_session_file(path, drawn, tick)
     save_layout(rbl, session_layout(resampled=resampled, active=wish.tab))
-    return Opening((drawn, rbl), wish.frame)
+    return Opening((rbl, drawn), wish.frame)
 
 
 def _results(path: Path, wish: Wish, folder: Path) -> Opening:
@@ -143,13 +147,13 @@ def _results(path: Path, wish: Wish, folder: Path) -> Opening:
         drawn = folder / "worst.rrd"
         write_worst(drawn, _cases(runs, wish))
         save_layout(rbl, worst_layout(active=wish.tab))
-        return Opening((drawn, rbl))
+        return Opening((rbl, drawn))
     frame = _frame(runs, wish)
     recordings = tuple(run.folder / "trace.rrd" for run in runs)
     with suppress(PomologError):  # others' results may be read-only
         lay_out(recordings)
     save_layout(rbl, layout(active=wish.tab))
-    return Opening((*recordings, rbl), frame)
+    return Opening((rbl, *recordings), frame)
 
 
 def _drawn_runs(path: Path, session: str) -> tuple[Run, ...]:
@@ -235,4 +239,4 @@ def _side_by_side(paths: Sequence[Path], wish: Wish, folder: Path) -> Opening:
     drawn, rbl = folder / "side-by-side.rrd", folder / "layout.rbl"
     write_side_by_side(drawn, methods)
     save_layout(rbl, side_by_side_layout([m.name for m in methods], active=wish.tab))
-    return Opening((drawn, rbl), frame)
+    return Opening((rbl, drawn), frame)

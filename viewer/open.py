@@ -30,7 +30,7 @@ def open_viewer(
     """Open files in the native viewer, or serve them to a browser, and wait.
 
     Args:
-        files: recordings and layouts.
+        files: the layout, then recordings.
         web: serve instead of a window.
         bind: the address to serve on; this machine's own unless somebody asks for more.
         memory: what the viewer may hold, like "4GB"; beyond it the oldest data go.
@@ -45,7 +45,7 @@ def open_viewer(
         raise PomologError(
             "a browser opens at the beginning; leave --frame and --time out, or use --worst"
         )
-    require_screen(files[0], web=web)
+    require_screen(files[-1], web=web)
     port, page_port = free_ports(2)
     command = [str(rerun_binary()), "--bind", bind, "--port", str(port)]
     if web:

@@ -32,8 +32,8 @@ class Headless:
         self._client = client
         self._stale = b""  # the window before the tab was changed
         until = time.monotonic() + PATIENCE_S
-        # Rerun's own views are called by their entity, until our layout is read; whoever asks for
-        # the layout before that is given theirs for good
+        # Rerun's own views are called by their entity; whoever asks for the layout before ours is
+        # read is given theirs for good
         while not (names := self._names()) or any("/" in name for name in names):
             assert time.monotonic() < until, f"the viewer does not show our views: {names}"
             time.sleep(0.3)
