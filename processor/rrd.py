@@ -157,7 +157,7 @@ class RrdWriter:
 
     def _draw_view(self, side: Side, pair: StereoPair, trace: Trace) -> None:
         root, view, truth = f"world/{side}", trace.view(side), pair.truth
-        labels = None if truth is None else truth.left if side == "left" else truth.right
+        labels = None if truth is None else truth.labels(side)
         known = None
         if labels is not None:
             known = known_fruit(self._rectification.view(side).labels(labels))

@@ -105,7 +105,7 @@ def _draw_discs(
 ) -> None:
     discs: Discs | None = None
     if truth is not None:
-        labels = truth.left if side == "left" else truth.right
+        labels = truth.labels(side)
         if labels is not None:
             labels = parallel.view(side).labels(labels)
         discs = true_discs(truth, side, labels, parallel)

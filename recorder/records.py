@@ -143,10 +143,13 @@ class FrameTruth:
     partial: bool = False  # unlabelled fruit exist: a fruit found elsewhere is no mistake
     identified: bool = True  # False for plain masks, where label 1 only says "some apple"
     shared: bool = True  # the same number is the same apple in both views; False: in one view only
-    left_outlines: tuple[Outline, ...] | None = (
-        None  # in place of labels, where no pixels are known
-    )
+    # in place of labels, where no pixels are known
+    left_outlines: tuple[Outline, ...] | None = None
     right_outlines: tuple[Outline, ...] | None = None
+
+    def labels(self, side: Side) -> Labels | None:
+        """The labels of that view."""
+        return self.left if side == "left" else self.right
 
     def outlines(self, side: Side) -> tuple[Outline, ...] | None:
         """The outlines of that view."""
@@ -164,6 +167,10 @@ class StereoPair:
     truth: FrameTruth | None = None
     conditions: Mapping[str, str] = field(default_factory=dict)  # lighting, cultivar, ... by then
     depth: Depth | None = None
+
+    def frame(self, side: Side) -> Frame:
+        """The frame of that view."""
+        return self.left if side == "left" else self.right
 
     @property
     def time_ns(self) -> int:

@@ -134,7 +134,7 @@ class _Drawing:
         if self.found.rectification.view(side).maps is None:
             return self.trace.view(side).picture
         pair = self.found.pair
-        return decode(pair.left if side == "left" else pair.right)
+        return decode(pair.frame(side))
 
     def _has_curves(self) -> bool:
         return bool(self.trace.matching.correlation.size)

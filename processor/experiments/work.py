@@ -61,7 +61,7 @@ class Sample:
     def labels(self, side: Side) -> Labels | None:
         """The rectified truth labels of that side; None where there are none."""
         truth = self.pair.truth
-        recorded = None if truth is None else truth.left if side == "left" else truth.right
+        recorded = None if truth is None else truth.labels(side)
         return None if recorded is None else self.rectification.view(side).labels(recorded)
 
     @property

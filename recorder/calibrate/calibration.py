@@ -125,7 +125,7 @@ def calibrate(sighting: Sighting, lens: LensName | None = None) -> Calibration:
 def coverage(found: Calibration, side: Side) -> Floats:
     """(6, 8) how many corners of the used views lie in each cell of the picture."""
     width_px, height_px = found.rig.camera(side).size_px
-    px = np.concatenate([getattr(view, side).px for view in found.fit.views])
+    px = np.concatenate([view.corners(side).px for view in found.fit.views])
     counts, _, _ = np.histogram2d(
         px[:, 1], px[:, 0], bins=CELLS[::-1], range=((0, height_px), (0, width_px))
     )

@@ -11,6 +11,7 @@ from recorder.calibrate.fit import MIN_VIEWS, Fit, NoAgreementError, fit
 from recorder.calibrate.lens import LENSES, LensName
 from recorder.calibrate.views import BoardView, Sighting, why_not
 from recorder.errors import PomologError
+from recorder.records import SIDES, Side
 from recorder.rig import Floats, LensModel
 
 CLEARLY_BETTER: Final = 0.95  # of the rms: a richer lens must gain a twentieth to be believed
@@ -112,7 +113,7 @@ def _why(best: Fit, fits: Sequence[Fit], sound: Sequence[Fit], *, asked: bool) -
 
 def _explained(points_m: Floats, sighting: Sighting, lens: LensModel) -> str:
     """A mistake that would make the views agree, in a user's words; "" where none does."""
-    for side in ("right", "left"):
+    for side in reversed(SIDES):
         if sighting.board.kind != "chessboard":
             break  # a mirrored marker is not found at all
         for turned in (False, True):
@@ -141,12 +142,12 @@ def _tried(points_m: Floats, sighting: Sighting, lens: LensModel) -> Fit | None:
     return found if len(found.views) > len(sighting.whole) / 2 else None
 
 
-def _mirrored(view: BoardView, side: str, sighting: Sighting, *, turned: bool) -> BoardView:
+def _mirrored(view: BoardView, side: Side, sighting: Sighting, *, turned: bool) -> BoardView:
     """A chessboard view with one picture mirrored back and its corners numbered anew."""
     board = sighting.board
-    corners: Corners = getattr(view, side)
-    size_px = sighting.left_size_px if side == "left" else sighting.right_size_px
-    flipped = np.column_stack([size_px[0] - 1 - corners.px[:, 0], corners.px[:, 1]])
+    corners = view.corners(side)
+    width_px = sighting.size_px(side)[0]
+    flipped = np.column_stack([width_px - 1 - corners.px[:, 0], corners.px[:, 1]])
     grid = flipped.reshape(board.rows, board.columns, 2)[::-1]
     if turned:
         grid = grid[::-1, ::-1]

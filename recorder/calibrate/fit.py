@@ -67,7 +67,7 @@ class Fit:
     def reach_px(self, side: Side) -> float:
         """How far from the optical axis the furthest corner is that this camera saw."""
         centre = self.solution.cameras[SIDES.index(side)][2:4]
-        corners = np.concatenate([getattr(view, side).px for view in self.views])
+        corners = np.concatenate([view.corners(side).px for view in self.views])
         return float(np.linalg.norm(corners - centre, axis=1).max())
 
     def is_sound(self, points_m: Floats) -> bool:
@@ -76,7 +76,7 @@ class Fit:
         step = self.solution.step
         for view, pose in zip(self.views, self.solution.poses, strict=True):
             for place, side in enumerate(SIDES):
-                seen = points_m[getattr(view, side).ids] @ _matrix(pose).T + pose[3:]
+                seen = points_m[view.corners(side).ids] @ _matrix(pose).T + pose[3:]
                 if place:
                     seen = seen @ _matrix(step).T + step[3:]
                 if len(seen):
@@ -144,9 +144,8 @@ def step_between(left_pose: Floats, right_pose: Floats) -> Floats:
 
 def _alone(points_m: Floats, sighting: Sighting, side: Side, lens: LensModel) -> Solution:
     """One camera by itself."""
-    corners: list[Corners] = [getattr(view, side) for view in sighting.whole]
-    size_px = sighting.left_size_px if side == "left" else sighting.right_size_px
-    numbers, poses = start(points_m, corners, size_px, lens)
+    corners = [view.corners(side) for view in sighting.whole]
+    numbers, poses = start(points_m, corners, sighting.size_px(side), lens)
     seen = [Observed((one,)) for one in corners]
     begin = Solution(lens, (numbers,), np.zeros(6), tuple(poses))
     placed = adjust(points_m, begin, seen, robust=True, only_cameras=True, rounds=30)

@@ -141,7 +141,7 @@ def _coverage(found: Calibration) -> Iterator[str]:
             corner = np.array([column, row]) * step_px
             share = 0.35 * min(1.0, float(counts[row, column]) / usual)
             plot.cell(corner.tolist(), (corner + step_px).tolist(), share)
-        plot.dots(np.concatenate([getattr(view, side).px for view in found.fit.views]))
+        plot.dots(np.concatenate([view.corners(side).px for view in found.fit.views]))
         filled = 100 * float((counts > 0).mean())
         yield _figure(plot, f"{side}: corners in {filled:.0f} % of {counts.size} cells")
     yield "</div>"
@@ -156,7 +156,7 @@ def _residuals(found: Calibration) -> Iterator[str]:
     )
     for place, side in enumerate(SIDES):
         plot = _picture_plot(found.rig.camera(side))
-        px = np.concatenate([getattr(view, side).px for view in found.fit.views])
+        px = np.concatenate([view.corners(side).px for view in found.fit.views])
         left = np.concatenate([view[place] for view in found.fit.residuals_px])
         for middle, mean in measure_by_place(px, left, found.rig.camera(side).size_px):
             plot.arrow(middle.tolist(), (middle + ARROWS * mean).tolist())

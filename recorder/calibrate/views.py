@@ -44,6 +44,10 @@ class BoardView:
     sharpness: tuple[float, float]  # variance of the Laplacian, left and right
     empty: tuple[bool, bool]  # nothing but one grey value
 
+    def corners(self, side: Side) -> Corners:
+        """What one camera sees."""
+        return self.left if side == "left" else self.right
+
     @property
     def whole(self) -> bool:
         """Whether both cameras see enough of it."""
@@ -55,7 +59,7 @@ class Sighting:
     """All views of one board.
 
     Attributes:
-        size_px: (width, height) of every picture of a side.
+        left_size_px, right_size_px: (width, height) of every picture of a side.
         pattern: of a ChArUco board, as it was found.
     """
 
@@ -64,6 +68,10 @@ class Sighting:
     left_size_px: tuple[int, int]
     right_size_px: tuple[int, int]
     pattern: Pattern | None = None
+
+    def size_px(self, side: Side) -> tuple[int, int]:
+        """(width, height) of one side's pictures."""
+        return self.left_size_px if side == "left" else self.right_size_px
 
     @property
     def shown(self) -> str:
@@ -123,7 +131,7 @@ def sight(board: Board, pairs: Pairs, tick: Callable[[], None] = lambda: None) -
         raise PomologError("no pictures to calibrate from; are the folders right?")
     found = Sighting(board, tuple(views), sizes[0], sizes[1], finder.pattern if finder else None)
     for side in SIDES:
-        if not any(len(getattr(view, side)) for view in views):
+        if not any(len(view.corners(side)) for view in views):
             raise PomologError(_no_board(found, side, sharpest[side][1], finder))
     return found
 
@@ -148,7 +156,7 @@ def _charuco(board: Board, pairs: Pairs) -> CharucoFinder:
 def why_not(view: BoardView, sighting: Sighting) -> str:
     """What is wrong with a view's pictures, in a user's words; "" where nothing can be told."""
     for place, side in enumerate(SIDES):
-        corners: Corners = getattr(view, side)
+        corners = view.corners(side)
         if _enough(corners) and not view.whole:
             continue
         usual = float(np.median([other.sharpness[place] for other in sighting.views]))
@@ -158,7 +166,7 @@ def why_not(view: BoardView, sighting: Sighting) -> str:
             return f"the {side} picture is blurred"
         if len(corners) and not view.whole:
             return f"only {len(corners)} corners in the {side} picture"
-    unseen = [side for side in SIDES if not _enough(getattr(view, side))]
+    unseen = [side for side in SIDES if not _enough(view.corners(side))]
     if not unseen:
         return ""
     return f"no board in the {unseen[0]} picture" if len(unseen) == 1 else "no board in either"

@@ -6,14 +6,14 @@ from typing import Any, Final
 import numpy as np
 
 from recorder.imports.shapes import HALF_PX, pack_runs, runs_of_mask
-from recorder.records import SIDES, UNCOUNTED, Frame, FrameTruth, Labels, Outline, StereoPair
+from recorder.records import SIDES, UNCOUNTED, Frame, FrameTruth, Outline, Side, StereoPair
 
 APPLE: Final = {"id": 1, "name": "apple", "supercategory": "fruit"}
 
 
-def image_id(pair: int, side: str) -> int:
+def image_id(pair: int, side: Side) -> int:
     """The number of a picture in all that we export of one session."""
-    return 2 * pair + SIDES.index("left" if side == "left" else "right")
+    return 2 * pair + SIDES.index(side)
 
 
 class CocoFile:
@@ -31,7 +31,7 @@ class CocoFile:
     def add(self, pair: StereoPair, frame: Frame, file_name: str) -> None:
         """One picture and what its pair's truth says of it."""
         truth, number = pair.truth, image_id(pair.index, frame.side)
-        labels = _labels(truth, frame)
+        labels = None if truth is None else truth.labels(frame.side)
         outlines = None if truth is None else truth.outlines(frame.side)
         image: dict[str, Any] = {
             "id": number,
@@ -95,9 +95,3 @@ class CocoFile:
             "annotations": self._annotations,
             "categories": [APPLE],
         }
-
-
-def _labels(truth: FrameTruth | None, frame: Frame) -> Labels | None:
-    if truth is None:
-        return None
-    return truth.left if frame.side == "left" else truth.right

@@ -132,12 +132,11 @@ class LabelTruth:
                 partial=truth.partial or picture.partial,
                 identified=truth.identified and picture.identified,
             )
-            frame = pair.left if side == "left" else pair.right
-            whole = _of_size(picture, frame.size_px)
+            size_px = pair.frame(side).size_px
+            whole = _of_size(picture, size_px)
             numbered = _numbered(whole.shapes)
             if self._pixels:
-                labels = draw(numbered, frame.size_px)
-                truth = _with_labels(truth, side, labels)
+                truth = _with_labels(truth, side, draw(numbered, size_px))
             else:
                 outlines = tuple(shape.outline(side, number) for number, shape in numbered)
                 _refuse_twins(outlines, picture.name)

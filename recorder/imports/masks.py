@@ -119,8 +119,7 @@ class MaskTruth:
         labels: dict[str, Labels] = {}
         identified = True
         for side, files in self._masks.items():
-            size_px = pair.left.size_px if side == "left" else pair.right.size_px
-            path = files[pair.index]
+            path, size_px = files[pair.index], pair.frame(side).size_px
             labels[side], known = _read_mask(path, size_px, instances=self._instances)
             identified = identified and known
         apples = None if self._apples is None else self._apples[pair.index]
