@@ -5,12 +5,14 @@ reading or for the truth about apples, so these are ours. They are built at run 
 table is easier to read and to keep right than generated code.
 """
 
+from dataclasses import fields
 from typing import Any, Final
 
 from google.protobuf import timestamp_pb2
 from google.protobuf.descriptor_pb2 import FieldDescriptorProto, FileDescriptorProto
 from google.protobuf.descriptor_pool import Default
 from google.protobuf.message_factory import GetMessageClass
+from google.protobuf.timestamp_pb2 import Timestamp
 
 _F = FieldDescriptorProto
 _TYPES: Final = {
@@ -109,9 +111,9 @@ def _declare() -> None:
         syntax="proto3",
         dependency=["google/protobuf/timestamp.proto"],
     )
-    for message_name, fields in SCHEMAS.items():
+    for message_name, schema in SCHEMAS.items():
         message = file.message_type.add(name=message_name)
-        for number, (name, kind) in enumerate(fields.items(), start=1):
+        for number, (name, kind) in enumerate(schema.items(), start=1):
             field = message.field.add(name=name, number=number)
             field.label = _F.LABEL_REPEATED if kind.endswith("*") else _F.LABEL_OPTIONAL
             base = kind.rstrip("?*")
@@ -141,3 +143,19 @@ OutlineMessage: Final = _message_class("Outline")
 FrameStampMessage: Final = _message_class("FrameStamp")
 StreamStatusMessage: Final = _message_class("StreamStatus")
 RecorderStatusMessage: Final = _message_class("RecorderStatus")
+
+
+def timestamp_of(time_ns: int) -> Timestamp:
+    """A time as protobuf has it."""
+    seconds, nanos = divmod(time_ns, 1_000_000_000)
+    return Timestamp(seconds=seconds, nanos=nanos)
+
+
+def optional(message: Any, name: str) -> Any:
+    """A field's value, or None where it is absent."""
+    return getattr(message, name) if message.HasField(name) else None
+
+
+def fields_of(record: Any) -> dict[str, Any]:
+    """What a dataclass of ours holds, by the names that its message has too."""
+    return {field.name: getattr(record, field.name) for field in fields(record)}

@@ -23,6 +23,8 @@ from recorder.messages import (
     FrameTruthMessage,
     RangeReadingMessage,
     RecorderStatusMessage,
+    optional,
+    timestamp_of,
 )
 from recorder.pictures import identify
 from recorder.records import (
@@ -80,12 +82,6 @@ def topics_of(*, raw_images: bool) -> dict[str, Any]:
     return TOPICS | images
 
 
-def timestamp_of(time_ns: int) -> Timestamp:
-    """A time as protobuf has it."""
-    seconds, nanos = divmod(time_ns, 1_000_000_000)
-    return Timestamp(seconds=seconds, nanos=nanos)
-
-
 def encode_frame(frame: Frame) -> Any:
     """A frame as Foxglove's CompressedImage or RawImage; its bytes stay as they are."""
     if frame.encoding in COMPRESSED:
@@ -126,11 +122,6 @@ def decode_frame(side: Side, message: RawMessage, schema: str) -> Frame:
     compressed = CompressedImage.FromString(message.data)
     encoding, size_px = identify(compressed.data, where)
     return Frame(side, message.log_ns, encoding, compressed.data, size_px, message.sequence)
-
-
-def optional(message: Any, name: str) -> Any:
-    """A field's value, or None where it is absent."""
-    return getattr(message, name) if message.HasField(name) else None
 
 
 def encode_depth(depth: Depth) -> Any:

@@ -3,10 +3,14 @@
 from dataclasses import dataclass, fields
 from typing import Any
 
-from google.protobuf.timestamp_pb2 import Timestamp
-
 from recorder.mcap_records import RawMessage
-from recorder.messages import FrameStampMessage, RecorderStatusMessage, StreamStatusMessage
+from recorder.messages import (
+    FrameStampMessage,
+    RecorderStatusMessage,
+    StreamStatusMessage,
+    fields_of,
+    timestamp_of,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,11 +108,6 @@ class RecorderStatus:
         return next((s for s in self.streams if s.stream == name), StreamStatus(name))
 
 
-def _timestamp(time_ns: int) -> Timestamp:
-    seconds, nanos = divmod(time_ns, 1_000_000_000)
-    return Timestamp(seconds=seconds, nanos=nanos)
-
-
 def _plain(message: Any, kind: type) -> dict[str, Any]:
     """A message's fields by name, absent ones as None."""
     present = {f.name for f in message.DESCRIPTOR.fields if f.has_presence}
@@ -119,14 +118,10 @@ def _plain(message: Any, kind: type) -> dict[str, Any]:
     }
 
 
-def _entries(record: Any) -> dict[str, Any]:
-    return {field.name: getattr(record, field.name) for field in fields(record)}
-
-
 def encode_stamp(stamp: FrameStamp) -> Any:
     """A stamp as its message."""
-    entries = _entries(stamp)
-    return FrameStampMessage(timestamp=_timestamp(entries.pop("time_ns")), **entries)
+    entries = fields_of(stamp)
+    return FrameStampMessage(timestamp=timestamp_of(entries.pop("time_ns")), **entries)
 
 
 def decode_stamp(message: RawMessage) -> FrameStamp:
@@ -137,10 +132,10 @@ def decode_stamp(message: RawMessage) -> FrameStamp:
 
 def encode_status(status: RecorderStatus) -> Any:
     """A status as its message."""
-    entries = _entries(status) | {
-        "streams": [StreamStatusMessage(**_entries(stream)) for stream in status.streams]
+    entries = fields_of(status) | {
+        "streams": [StreamStatusMessage(**fields_of(stream)) for stream in status.streams]
     }
-    return RecorderStatusMessage(timestamp=_timestamp(entries.pop("time_ns")), **entries)
+    return RecorderStatusMessage(timestamp=timestamp_of(entries.pop("time_ns")), **entries)
 
 
 def decode_status(message: RawMessage) -> RecorderStatus:

@@ -9,9 +9,15 @@ from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 
 from recorder.errors import PomologError
 from recorder.mcap_records import RawMessage
-from recorder.messages import AppleTruthMessage, FrameTruthMessage, OutlineMessage
+from recorder.messages import (
+    AppleTruthMessage,
+    FrameTruthMessage,
+    OutlineMessage,
+    fields_of,
+    optional,
+    timestamp_of,
+)
 from recorder.pictures import identify
-from recorder.profile import optional, timestamp_of
 from recorder.records import SIDES, AppleTruth, FrameTruth, Labels, Outline
 
 
@@ -46,43 +52,25 @@ def decode_labels(message: RawMessage, size_px: tuple[int, int]) -> Labels:
 
 def encode_truth(time_ns: int, truth: FrameTruth) -> Iterator[tuple[str, Any]]:
     """The topics and messages that keep one pair's truth."""
-    for side, labels in (("left", truth.left), ("right", truth.right)):
+    for side in SIDES:
+        labels = truth.labels(side)
         if labels is not None:
             yield f"/truth/{side}", CompressedImage(
                 timestamp=timestamp_of(time_ns), frame_id=side, data=encode_labels(labels),
                 format="png",
             )  # fmt: skip
-    apples = [
-        AppleTruthMessage(
-            id=apple.id,
-            centre_m=apple.centre_m,
-            radius_m=apple.radius_m,
-            left_visible=apple.left_visible,
-            right_visible=apple.right_visible,
-            truth_point=apple.truth_point,
-        )
-        for apple in truth.apples or ()
-    ]
     yield (
         "/truth/apples",
         FrameTruthMessage(
             timestamp=timestamp_of(time_ns),
-            apples=apples,
+            apples=[AppleTruthMessage(**fields_of(apple)) for apple in truth.apples or ()],
             apples_known=truth.apples is not None,
             partial=truth.partial,
             identified=truth.identified,
             not_shared=not truth.shared,
             outlined=[side for side in SIDES if truth.outlines(side) is not None],
             outlines=[
-                OutlineMessage(
-                    side=outline.side,
-                    id=outline.id,
-                    kind=outline.kind,
-                    x_px=outline.x_px,
-                    y_px=outline.y_px,
-                    width_px=outline.width_px,
-                    height_px=outline.height_px,
-                )
+                OutlineMessage(**fields_of(outline))
                 for side in SIDES
                 for outline in truth.outlines(side) or ()
             ],

@@ -12,7 +12,8 @@ from google.protobuf.json_format import MessageToJson, Parse
 from recorder.imports.bag import OURS, Bag, Topic
 from recorder.imports.bag_messages import decode
 from recorder.mcap_records import RawMessage, reporting_damage
-from recorder.profile import PROFILE, TOPICS, timestamp_of
+from recorder.messages import timestamp_of
+from recorder.profile import PROFILE, TOPICS
 
 AS_JSON: Final = (
     "/rangefinder", "/truth/apples", "/notes", "/recorder/status", "/recorder/stamps",
