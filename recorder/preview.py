@@ -15,6 +15,7 @@ from recorder.cameras import Shot
 from recorder.capture import Recorder
 from recorder.errors import PomologError
 from recorder.exposure import half_size
+from recorder.optics import to_pixels
 from recorder.records import SIDES, Side
 from recorder.rig import Rig
 from recorder.status_line import status_line
@@ -145,12 +146,8 @@ def crosshair_px(rig: Rig, side: Side, range_m: float) -> tuple[float, float] | 
         point = rig.rotation @ point + rig.translation_m
     if point[2] <= 0:
         return None
-    camera = rig.camera(side)
-    project = cv2.fisheye.projectPoints if camera.lens == "kannala_brandt" else cv2.projectPoints
-    zero = np.zeros(3)
-    pixels, _ = project(point.reshape(1, 1, 3), zero, zero, camera.matrix, camera.distortion)
-    x_px, y_px = np.asarray(pixels).ravel()
-    return float(x_px), float(y_px)
+    x_px, y_px = to_pixels(rig.camera(side), point[None])[0].tolist()
+    return x_px, y_px
 
 
 class _Handler(BaseHTTPRequestHandler):

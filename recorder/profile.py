@@ -185,13 +185,11 @@ def encode_rig(rig: Rig, time_ns: int) -> Iterator[tuple[str, Any]]:
     stamp = timestamp_of(time_ns)
     for side in SIDES:
         camera, view = rig.camera(side), parallel.view(side)
-        shift = 0.0 if side == "left" else -view.matrix[0, 0] * parallel.baseline_m
-        projection = np.column_stack([view.matrix, [shift, 0.0, 0.0]])
         yield f"/{side}/calibration", CameraCalibration(
             timestamp=stamp, frame_id=side, width=camera.size_px[0], height=camera.size_px[1],
             distortion_model=camera.lens, D=camera.distortion.tolist(),
             K=camera.matrix.ravel().tolist(), R=view.rotation.ravel().tolist(),
-            P=projection.ravel().tolist(),
+            P=parallel.projection(side).ravel().tolist(),
         )  # fmt: skip
     yield "/tf", _encode_pose("right", -rig.rotation.T @ rig.translation_m, rig.rotation.T, stamp)
     if rig.rangefinder is not None:

@@ -110,6 +110,12 @@ class Rectification:
         """The rectified cameras' horizontal focal length."""
         return float(self.left.matrix[0, 0])
 
+    def projection(self, side: Side) -> Floats:
+        """(3, 4) P of ROS and OpenCV, from the left rectified frame; right P[0, 3] = -fx B."""
+        matrix = self.view(side).matrix
+        shift = 0.0 if side == "left" else -matrix[0, 0] * self.baseline_m
+        return np.column_stack([matrix, [shift, 0.0, 0.0]])
+
     def disparity_px(self, left_x_px: float, right_x_px: float) -> float:
         """The disparity of two rectified columns, freed of unequal principal points."""
         return float((left_x_px - self.left.matrix[0, 2]) - (right_x_px - self.right.matrix[0, 2]))

@@ -107,7 +107,6 @@ def _rectification(rig: Rig) -> dict[str, Floats]:
     except PomologError:
         return {}  # the file is right without them
     left, right = parallel.left.matrix, parallel.right.matrix
-    shift = -right[0, 0] * parallel.baseline_m
     q = np.array(
         [
             [1, 0, 0, -left[0, 2]],
@@ -119,8 +118,8 @@ def _rectification(rig: Rig) -> dict[str, Floats]:
     return {
         "R1": parallel.left.rotation,
         "R2": parallel.right.rotation,
-        "P1": np.column_stack([left, np.zeros(3)]),
-        "P2": np.column_stack([right, [shift, 0, 0]]),
+        "P1": parallel.projection("left"),
+        "P2": parallel.projection("right"),
         "Q": q,
     }
 

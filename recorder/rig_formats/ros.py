@@ -85,9 +85,6 @@ def camera_info_text(rig: Rig, side: Side) -> str:
         PomologError: a rig that cannot be made parallel.
     """
     camera, parallel = rig.camera(side), rectify(rig)
-    view = parallel.view(side)
-    shift = 0.0 if side == "left" else -view.matrix[0, 0] * parallel.baseline_m
-    projection = np.column_stack([view.matrix, [shift, 0.0, 0.0]])
     coefficients = np.asarray(camera.distortion, float)
     if camera.lens == "plumb_bob":
         coefficients = np.pad(coefficients, (0, 5 - len(coefficients)))  # ROS' model has five
@@ -98,8 +95,8 @@ def camera_info_text(rig: Rig, side: Side) -> str:
         "camera_matrix": _matrix(camera.matrix),
         "distortion_model": NAMES[camera.lens],
         "distortion_coefficients": _matrix(coefficients[None]),
-        "rectification_matrix": _matrix(view.rotation),
-        "projection_matrix": _matrix(projection),
+        "rectification_matrix": _matrix(parallel.view(side).rotation),
+        "projection_matrix": _matrix(parallel.projection(side)),
     }
     if side == "left" and rig.rangefinder is not None:
         content["rangefinder"] = beam_as_table(rig.rangefinder)
