@@ -30,6 +30,7 @@ KNOWN_LENSES = ", ".join(
     f"{lens} with {' or '.join(map(str, counts))}" for lens, counts in LENS_COEFFICIENTS.items()
 )
 
+USUAL_STD_M = 0.001  # of a rangefinder, where nobody says: laser meters have 1 to 1.5 mm
 MAX_BASELINE_M = 5.0  # no rig on a robot is wider; a larger number is millimetres
 
 

@@ -3,9 +3,9 @@
 `recorder.profile` says what lies in it; `recorder.container` reads the file and trusts nothing.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Final, Self
+from typing import Final, Self, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -39,7 +39,7 @@ from recorder.records import (
     Side,
     StereoPair,
 )
-from recorder.rig import Rig
+from recorder.rig import USUAL_STD_M, Rig
 from recorder.status import (
     FrameStamp,
     RecorderStatus,
@@ -48,6 +48,7 @@ from recorder.status import (
 )
 
 ImageTimes = dict[Side, npt.NDArray[np.int64]]
+_Kind = TypeVar("_Kind")
 
 DEFAULT_MAX_SKEW_NS: Final = 5_000_000  # at 300 mm/s a skew of 5 ms costs 7.5 mm at 1 m
 
@@ -264,33 +265,29 @@ class Session:
 
     def readings(self) -> Iterator[RangeReading]:
         """Every answer of the rangefinder, near a pair or not."""
-        with reporting_damage(self.path, "its readings"):
-            for message in self._container.messages(("/rangefinder",)):
-                yield decode_reading(message)
+        return self._decoded("/rangefinder", "its readings", decode_reading)
 
     def depths(self) -> Iterator[Depth]:
         """Every depth picture, near a pair or not."""
-        with reporting_damage(self.path, "its depth"):
-            for message in self._container.messages(("/depth",)):
-                yield decode_depth(message)
+        return self._decoded("/depth", "its depth", decode_depth)
 
     def notes(self) -> Iterator[Note]:
         """The operator's notes."""
-        with reporting_damage(self.path, "its notes"):
-            for message in self._container.messages(("/notes",)):
-                yield decode_note(message)
+        return self._decoded("/notes", "its notes", decode_note)
 
     def stamps(self) -> Iterator[FrameStamp]:
         """Device, host and monotonic times of every frame, where a recorder kept them."""
-        with reporting_damage(self.path, "its frame stamps"):
-            for message in self._container.messages(("/recorder/stamps",)):
-                yield decode_stamp(message)
+        return self._decoded("/recorder/stamps", "its frame stamps", decode_stamp)
 
     def statuses(self) -> Iterator[RecorderStatus]:
         """The recorder's state, second by second, where it kept it."""
-        with reporting_damage(self.path, "its recorder's status"):
-            for message in self._container.messages(("/recorder/status",)):
-                yield decode_status(message)
+        return self._decoded("/recorder/status", "its recorder's status", decode_status)
+
+    def _decoded(
+        self, topic: str, what: str, decode: Callable[[RawMessage], _Kind]
+    ) -> Iterator[_Kind]:
+        with reporting_damage(self.path, what):
+            yield from map(decode, self._container.messages((topic,)))
 
     def messages(self) -> Iterator[RawMessage]:
         """Every message of the profile's topics as it lies there, in time order."""
@@ -343,7 +340,7 @@ class Session:
                 raise PomologError(
                     f"no {missing[0]} in {self.path}; import its pictures again with --rig rig.toml"
                 )
-            std_m = float(self.metadata.get("rangefinder_std_m", "0.001"))
+            std_m = float(self.metadata.get("rangefinder_std_m", USUAL_STD_M))
             return decode_rig(calibrations, transforms, std_m)
 
 

@@ -10,12 +10,19 @@ from scipy.spatial.transform import Rotation
 from recorder.errors import PomologError
 from recorder.imports.bag_messages import BagCalibration, BagTransform
 from recorder.one_view import one_view_rig
-from recorder.rig import LENS_COEFFICIENTS, Camera, Floats, LensModel, Rangefinder, Rig
+from recorder.rig import (
+    LENS_COEFFICIENTS,
+    USUAL_STD_M,
+    Camera,
+    Floats,
+    LensModel,
+    Rangefinder,
+    Rig,
+)
 from recorder.rig_formats.ros import MODELS
 
 _LENSES: Final[dict[str, LensModel]] = {"": "plumb_bob", "none": "plumb_bob", **MODELS}
 _LARGEST: Final = 1e9  # of anything in a calibration; a lens' coefficients may reach thousands
-RANGE_STD_M: Final = 0.001  # rig.toml's default; no message carries the instrument's own
 
 Pose = tuple[Floats, Floats]  # rotation (3, 3) and origin (3,): p_parent = rotation @ p + origin
 
@@ -105,7 +112,7 @@ def single_rig(calibration: BagCalibration, *, rectified: bool = False) -> Rig:
 
 
 def with_rangefinder(
-    rig: Rig, pose: Pose, direction: Sequence[float], std_m: float = RANGE_STD_M
+    rig: Rig, pose: Pose, direction: Sequence[float], std_m: float = USUAL_STD_M
 ) -> Rig:
     """The rig with a beam along a direction of a frame seen from the left camera."""
     turn, origin_m = pose

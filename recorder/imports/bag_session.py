@@ -21,7 +21,7 @@ from recorder.one_view import NOMINAL, ONE_VIEW, nominal_camera, one_view_rig
 from recorder.pairing import pair_by_time
 from recorder.profile import PROFILE
 from recorder.records import SIDES, RangeReading
-from recorder.rig import Rig
+from recorder.rig import USUAL_STD_M, Rig
 from recorder.session import DEFAULT_MAX_SKEW_NS
 from recorder.session_writer import SessionWriter
 
@@ -225,7 +225,7 @@ def _bag_rig(bag: Bag, roles: Roles, remarks: list[str], about: dict[str, str]) 
             "readings are kept, but where their beam is nobody knows; give --rig with [rangefinder]"
         )
         return rig
-    std_m = float(bag.metadata.get("rangefinder_std_m", "0.001"))
+    std_m = float(bag.metadata.get("rangefinder_std_m", USUAL_STD_M))
     return with_rangefinder(rig, pose, beam.direction, std_m)
 
 

@@ -11,7 +11,14 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from recorder import text_files
 from recorder.errors import PomologError
 from recorder.records import SIDES
-from recorder.rig import LENS_COEFFICIENTS, Camera, LensModel, Rangefinder, Rig
+from recorder.rig import (
+    LENS_COEFFICIENTS,
+    USUAL_STD_M,
+    Camera,
+    LensModel,
+    Rangefinder,
+    Rig,
+)
 
 EQUIPMENT: Final = ("cameras", "rangefinder_device", "capture")
 _HEADING: Final = re.compile(r"\s*\[{1,2}\s*([A-Za-z0-9_-]+)[A-Za-z0-9_.\s\"'-]*\]{1,2}\s*(#.*)?$")
@@ -71,7 +78,7 @@ class _RangefinderTable(BaseModel):
 
     origin_m: _Vector
     direction: _Vector = [0.0, 0.0, 1.0]
-    std_m: Annotated[float, Field(gt=0)] = 0.001
+    std_m: Annotated[float, Field(gt=0)] = USUAL_STD_M
 
     @model_validator(mode="after")
     def _aimed(self) -> Self:
@@ -168,6 +175,9 @@ def equipment_of(path: Path) -> str:
     """The tables of an existing rig.toml that say how equipment is opened, as they stand there.
 
     "" where there is no such file, or none that can be read.
+
+    Raises:
+        PomologError: they cannot be told apart from the rest of it.
     """
     try:
         text = path.read_text(encoding="utf-8")
