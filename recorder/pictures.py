@@ -4,6 +4,7 @@ import io
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, Final, cast
 
 import cv2
@@ -26,6 +27,18 @@ _MOSAICS: Final[dict[Encoding, int]] = {
     "bayer_gbrg8": cv2.COLOR_BayerGBRG2BGR,
     "bayer_grbg8": cv2.COLOR_BayerGRBG2BGR,
 }
+
+
+def read_picture(path: Path) -> bytes:
+    """A picture's file, not yet looked at.
+
+    Raises:
+        PomologError: it cannot be read.
+    """
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise PomologError(f"cannot read {path}: {error.strerror}; is it still there?") from None
 
 
 def identify(data: bytes, where: str) -> tuple[Encoding, tuple[int, int]]:

@@ -13,7 +13,7 @@ from recorder.calibrate.chessboard import Grey
 from recorder.calibrate.views import PicturePair
 from recorder.errors import PomologError
 from recorder.imports.frames import picture_pairs, pictures_in
-from recorder.pictures import decode, identify
+from recorder.pictures import decode, identify, read_picture
 from recorder.session import Session
 
 MAX_VIEWS: Final = 100  # more tell little more, and take long
@@ -138,10 +138,7 @@ def _spread(total: int, most: int) -> tuple[int, ...]:
 
 
 def _read(path: Path) -> Grey:
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise PomologError(f"cannot read {path}: {error.strerror}; is it still there?") from None
+    data = read_picture(path)
     identify(data, str(path))
     flags = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION
     grey = cv2.imdecode(np.frombuffer(data, np.uint8), flags)

@@ -15,7 +15,7 @@ import cv2
 from recorder.cameras import Shot, arrival
 from recorder.equipment import CameraSettings
 from recorder.errors import PomologError
-from recorder.pictures import identify
+from recorder.pictures import identify, read_picture
 
 SUFFIXES: Final = frozenset((".jpg", ".jpeg", ".png", ".webp"))
 
@@ -61,10 +61,7 @@ class FilesCamera:
             data, size_px = self._frame()
             return Shot(tick, due_ns, host_ns, monotonic_ns, "bgr8", size_px, data)
         path = self._paths[tick % len(self._paths)]
-        try:
-            data = path.read_bytes()
-        except OSError as error:
-            raise PomologError(f"cannot read {path}: {error.strerror}; was it moved?") from None
+        data = read_picture(path)
         encoding, size_px = identify(data, str(path))
         return Shot(tick, due_ns, host_ns, monotonic_ns, encoding, size_px, data)
 

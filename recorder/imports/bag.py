@@ -1,6 +1,5 @@
 """A bag of others: one MCAP file, or a folder of several, read within bounds."""
 
-import re
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,6 +7,7 @@ from typing import Final, Literal
 
 from recorder.container import Container
 from recorder.errors import PomologError
+from recorder.imports.frames import name_order
 from recorder.mcap_records import RawMessage
 from recorder.message_writer import metadata_crc
 from recorder.profile import PROFILE
@@ -151,7 +151,7 @@ def _files(path: Path) -> list[Path]:
     if not path.is_dir():
         _refuse_others(path)
         return [path]
-    found = sorted(path.glob("*.mcap"), key=lambda file: _numbers(file.name))
+    found = sorted(path.glob("*.mcap"), key=lambda file: name_order(file.name))
     if found:
         return found
     for file in sorted(path.iterdir()):
@@ -168,8 +168,3 @@ def _refuse_others(file: Path) -> None:
     }
     if file.suffix in ways and file.exists():
         raise PomologError(f"{file} is no MCAP file; make it one: {ways[file.suffix]}")
-
-
-def _numbers(name: str) -> list[tuple[int, str]]:
-    parts = re.split(r"([0-9]+)", name)
-    return [(int(p), "") if p.isdecimal() else (-1, p) for p in parts if p]

@@ -7,7 +7,7 @@ from typing import Final
 
 from recorder.errors import PomologError
 from recorder.one_view import NOMINAL, ONE_VIEW, nominal_camera, one_view_rig
-from recorder.pictures import identify, verify
+from recorder.pictures import identify, read_picture, verify
 from recorder.records import SIDES, Frame, Note, Side
 from recorder.rig import Rig
 from recorder.session_writer import SessionWriter
@@ -50,16 +50,22 @@ def picture_pairs(left: Path, right: Path) -> tuple[tuple[Path, Path], ...]:
 
 
 def pictures_in(folder: Path) -> tuple[Path, ...]:
-    """The pictures of a folder in name order, numbers by their value: 2.png before 10.png.
+    """The pictures of a folder in name order.
 
     Raises:
         PomologError: there are none.
     """
     found = [p for p in folder.iterdir() if p.suffix.lower() in PICTURE_SUFFIXES]
-    found.sort(key=_in_name_order)
+    found.sort(key=lambda path: name_order(path.name))
     if not found:
         raise PomologError(f"no PNG, JPEG or WebP pictures in {folder}; is it the right folder?")
     return tuple(found)
+
+
+def name_order(name: str) -> list[tuple[int, str]]:
+    """What to sort names by, so that numbers stand by their value: 2.png before 10.png."""
+    parts = re.split(r"([0-9]+)", name)
+    return [(int(part), "") if part.isdecimal() else (-1, part) for part in parts if part]
 
 
 def import_frames(
@@ -128,21 +134,10 @@ def import_frames(
 
 
 def _read(side: Side, path: Path, time_ns: int, sequence: int) -> Frame:
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise PomologError(f"cannot read {path}: {error.strerror}; is it still there?") from None
+    data = read_picture(path)
     encoding, size_px = identify(data, str(path))
     verify(data, str(path))
     return Frame(side, time_ns, encoding, data, size_px, sequence)
-
-
-def _in_name_order(path: Path) -> list[tuple[int, str]]:
-    return [
-        (int(part), "") if part.isdecimal() else (-1, part)
-        for part in re.split(r"([0-9]+)", path.name)
-        if part
-    ]
 
 
 def _size(frame: Frame) -> str:

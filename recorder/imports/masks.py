@@ -15,7 +15,7 @@ from recorder.imports.frames import pictures_in
 from recorder.imports.json_files import read_json, wrong_entry
 from recorder.message_writer import MessageWriter
 from recorder.objects import Place
-from recorder.pictures import identify, verify
+from recorder.pictures import identify, read_picture, verify
 from recorder.profile import TRUTH_TOPICS
 from recorder.records import (
     SIDES,
@@ -189,10 +189,7 @@ def _read_apples(path: Path) -> tuple[tuple[AppleTruth, ...], ...]:
 
 def _read_mask(path: Path, size_px: tuple[int, int], *, instances: bool) -> tuple[Labels, bool]:
     """Labels, and whether they tell one apple from another (16 bits) or not (0 and 255)."""
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise PomologError(f"cannot read {path}: {error.strerror}; is it still there?") from None
+    data = read_picture(path)
     encoding, _ = identify(data, str(path))
     verify(data, str(path))  # first: OpenCV prints what it thinks of a damaged file
     mask = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
