@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 
 from recorder.cameras import Camera, Shot, open_camera
-from recorder.check import Finding
+from recorder.check import Finding, Level
 from recorder.clocks import ClockMap, SessionClock
 from recorder.disk import free_bytes
 from recorder.errors import PomologError
@@ -40,6 +40,7 @@ SPEED_BYTES: Final = 64_000_000
 MARGIN: Final = 1.5  # the disk should take so much more than the cameras give
 
 Placed = list[tuple[Shot, int]]
+Say = Callable[[Level, str], None]
 
 
 def preflight(plan: Plan, tell: Callable[[Finding], None] = lambda _: None) -> tuple[Finding, ...]:
@@ -54,8 +55,8 @@ def preflight(plan: Plan, tell: Callable[[Finding], None] = lambda _: None) -> t
     """
     findings: list[Finding] = []
 
-    def found(level: str, text: str) -> None:
-        findings.append(Finding(level, text))  # type: ignore[arg-type]  # the three literals below
+    def found(level: Level, text: str) -> None:
+        findings.append(Finding(level, text))
         tell(findings[-1])
 
     shots = _shots(plan, found)
@@ -69,7 +70,7 @@ def preflight(plan: Plan, tell: Callable[[Finding], None] = lambda _: None) -> t
     return tuple(findings)
 
 
-def _shots(plan: Plan, found: Callable[[str, str], None]) -> dict[Side, Placed] | None:
+def _shots(plan: Plan, found: Say) -> dict[Side, Placed] | None:
     clock = SessionClock.start()
     with ExitStack() as stack:
         cameras: dict[Side, Camera] = {}
@@ -104,9 +105,7 @@ def _take(plan: Plan, side: Side, camera: Camera, clock: SessionClock) -> Placed
     return placed + timeline.restart()
 
 
-def _judge_stream(
-    plan: Plan, side: Side, placed: Placed, found: Callable[[str, str], None]
-) -> None:
+def _judge_stream(plan: Plan, side: Side, placed: Placed, found: Say) -> None:
     whole = [shot for shot, _ in placed if shot.complete]
     if len(whole) < FRAMES:
         found("failure", f"{side}: {len(whole)} of {FRAMES} frames came whole")
@@ -116,8 +115,11 @@ def _judge_stream(
     interval_ns = float(np.median(np.diff([time_ns for _, time_ns in placed])))
     rate_hz = 1e9 / max(interval_ns, 1.0)
     trigger = plan.equipment.cameras[side].trigger
-    level = "ok" if trigger != "off" or abs(rate_hz / wanted_hz - 1) < RATE_TOLERANCE else "warning"
-    found(level, f"{side}: {rate_hz:.2f} frames a second of {wanted_hz:g} wanted")
+    kept = trigger != "off" or abs(rate_hz / wanted_hz - 1) < RATE_TOLERANCE
+    found(
+        "ok" if kept else "warning",
+        f"{side}: {rate_hz:.2f} frames a second of {wanted_hz:g} wanted",
+    )
     exposure = look_at(whole[-1])
     text = (
         f"{side}: {exposure.overexposed:.1%} overexposed, {exposure.underexposed:.1%} "
@@ -126,7 +128,7 @@ def _judge_stream(
     found("warning" if exposure.warnings(side) else "ok", text)
 
 
-def _judge_pairs(plan: Plan, shots: dict[Side, Placed], found: Callable[[str, str], None]) -> None:
+def _judge_pairs(plan: Plan, shots: dict[Side, Placed], found: Say) -> None:
     whole = {side: [(s, t) for s, t in placed if s.complete] for side, placed in shots.items()}
     times = {side: np.asarray([t for _, t in whole[side]], np.int64) for side in SIDES}
     limit_ns = plan.equipment.capture.max_skew_ns
@@ -148,7 +150,9 @@ def _judge_pairs(plan: Plan, shots: dict[Side, Placed], found: Callable[[str, st
     if residual is None:
         found("warning", "too little to match between the views; the calibration is not proved")
         return
-    level = "ok" if residual < GOOD_ROWS_PX else "warning" if residual < BAD_ROWS_PX else "failure"
+    level: Level = (
+        "ok" if residual < GOOD_ROWS_PX else "warning" if residual < BAD_ROWS_PX else "failure"
+    )
     found(level, f"epipolar residual {residual:.2f} px against the calibration (median of rows)")
 
 
@@ -181,7 +185,7 @@ def row_residual_px(rig: Rig, left: Picture, right: Picture) -> float | None:
     return float(np.median(np.abs(near))) if len(near) >= MIN_MATCHES else None
 
 
-def _judge_rangefinder(plan: Plan, found: Callable[[str, str], None]) -> None:
+def _judge_rangefinder(plan: Plan, found: Say) -> None:
     device = plan.equipment.rangefinder_device
     if device is None or device.driver == "typed":
         return
@@ -218,7 +222,7 @@ def _bytes_per_s(placed: Placed) -> float:
     return sum(len(shot.data) for shot, _ in placed[1:]) / max(seconds, 1e-3)
 
 
-def _judge_disk(plan: Plan, needed: float, found: Callable[[str, str], None]) -> None:
+def _judge_disk(plan: Plan, needed: float, found: Say) -> None:
     folder = plan.folder
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -227,7 +231,7 @@ def _judge_disk(plan: Plan, needed: float, found: Callable[[str, str], None]) ->
         found("failure", f"cannot write to {folder}: {error.strerror}")
         return
     room = free_bytes(folder) - plan.equipment.capture.reserve_mb * 1e6
-    level = "ok" if speed > MARGIN * needed else "warning" if speed > needed else "failure"
+    level: Level = "ok" if speed > MARGIN * needed else "warning" if speed > needed else "failure"
     found(level, f"disk {speed / 1e6:.0f} MB/s, {needed / 1e6:.0f} MB/s needed")
     if room <= 0:
         found("failure", f"no room on the disk of {folder} beyond the reserve")

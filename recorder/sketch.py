@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from recorder.records import SIDES, AppleTruth, Frame, FrameTruth, Labels, Note, Side
-from recorder.rig import Rig, parallel_rig
+from recorder.rig import Floats, Rig, parallel_rig
 from recorder.session_writer import SessionWriter
 
 SIZE_PX: Final = (640, 512)
@@ -31,8 +31,6 @@ _LIGHTS: Final = {
     "back": ((0.3, -0.6, 0.75), 0.6, 0.5),
     "cloudy": ((0.0, -1.0, -0.2), 0.3, 0.6),
 }
-
-Floats = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

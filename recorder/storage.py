@@ -13,7 +13,7 @@ from recorder.disk import Ballast, free_bytes
 from recorder.equipment import CaptureSettings
 from recorder.errors import PomologError
 from recorder.ledger import median_interval_ns
-from recorder.records import SIDES
+from recorder.records import SIDES, Side
 from recorder.segment import Recording, Segment
 from recorder.write_queue import Entry, WriteQueue
 
@@ -82,10 +82,9 @@ class Storage:
         """Right minus left of the last pair."""
         return self._segment.pairs.skew_ns
 
-    def unpaired(self, side: str) -> int:
+    def unpaired(self, side: Side) -> int:
         """Frames of that side without a partner so far."""
-        segment = self._segment.pairs.unpaired
-        return sum(c[s] for c in (self._settled_unpaired, segment) for s in SIDES if s == side)
+        return self._settled_unpaired[side] + self._segment.pairs.unpaired[side]
 
     @property
     def running(self) -> bool:

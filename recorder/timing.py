@@ -8,6 +8,7 @@ import numpy.typing as npt
 
 from recorder.pairing import pair_by_time
 from recorder.records import SIDES, Side
+from recorder.rig import Floats
 from recorder.session import Session
 
 GAP_FACTOR: Final = 1.5  # a frame later than this many intervals means that one was lost
@@ -15,7 +16,6 @@ SPEED_M_S: Final = 0.3  # a walking robot's, by which a skew is told as an error
 AT_M: Final = 1.0  # the distance of an apple for the same
 MS: Final = 1e6
 
-Floats = npt.NDArray[np.float64]
 Kind = Literal["together", "offset", "drift", "free", "lone", "few"]
 
 _MOMENT_MS: Final = 1.0  # a trigger's two exposures begin closer than this

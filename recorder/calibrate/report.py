@@ -11,7 +11,7 @@ from recorder.calibrate.calibration import CELLS, Calibration, coverage
 from recorder.calibrate.measures import measure_by_place
 from recorder.calibrate.plots import Plot, bars
 from recorder.calibrate.trust import MATCHING_PX
-from recorder.files import replacing, writable
+from recorder.files import write_text
 from recorder.records import SIDES
 from recorder.rig import Camera
 
@@ -56,8 +56,7 @@ def write_report(found: Calibration, path: Path) -> None:
     Raises:
         PomologError: it cannot be written there.
     """
-    with replacing(path) as part, writable(path):
-        part.write_text(page(found), encoding="utf-8")
+    write_text(path, page(found))
 
 
 def page(found: Calibration) -> str:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, cast
 
 import numpy as np
 from foxglove_schemas_protobuf.CameraCalibration_pb2 import CameraCalibration
@@ -17,11 +17,11 @@ from recorder.mcap_records import RawMessage
 from recorder.message_writer import metadata_crc
 from recorder.profile import decode_depth, decode_frame, decode_reading
 from recorder.records import COMPRESSED, SIDES
-from recorder.rig import Floats, Rig
+from recorder.rig import Floats, LensModel, Rig
+from recorder.rig_formats.ros import NAMES
 from recorder.ros2 import BagWriter
 from recorder.session import Session
 
-_LENSES: Final = {"kannala_brandt": "equidistant"}  # ROS's names, where they differ
 _LAST_S: Final = 2**31 - 1  # of ROS's times
 _INFRARED: Final = 1  # sensor_msgs/Range: a laser is the nearer of its two kinds of radiation
 _SPOT_RAD: Final = 0.001  # about what a laser's beam is wide
@@ -161,7 +161,7 @@ def _camera_info(calibration: RawMessage, time_ns: int) -> dict[str, Any]:
         "header": _header(known.frame_id, time_ns),
         "height": known.height,
         "width": known.width,
-        "distortion_model": _LENSES.get(known.distortion_model, known.distortion_model),
+        "distortion_model": NAMES[cast("LensModel", known.distortion_model)],
         "d": list(known.D),
         "k": list(known.K),
         "r": list(known.R),
