@@ -5,6 +5,9 @@ from dataclasses import dataclass, field
 from importlib import import_module
 from typing import Final, Protocol, cast
 
+import cv2
+import numpy as np
+
 from recorder.equipment import CameraDriver, CameraSettings
 from recorder.errors import PomologError
 from recorder.records import Encoding
@@ -15,6 +18,7 @@ PIXEL_FORMATS: Final[dict[str, Encoding]] = {
     "BGR8": "bgr8",
     "RGB8": "bgr8",  # turned round on arrival
 }
+BUFFERS: Final = 24  # 32 MB of 1280 x 1024 pictures: 0.8 s of a stalled computer at 30 fps
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -100,6 +104,17 @@ def stored_encoding(pixel_format: str, device: str) -> Encoding:
             f"set pixel_format to one of {', '.join(PIXEL_FORMATS)}"
         )
     return PIXEL_FORMATS[pixel_format]
+
+
+def as_bgr(rgb: bytes, size_px: tuple[int, int]) -> bytes:
+    """RGB8 pixels turned round: a session keeps BGR8."""
+    picture = np.frombuffer(rgb, np.uint8).reshape(size_px[1], size_px[0], 3)
+    return cv2.cvtColor(picture, cv2.COLOR_RGB2BGR).tobytes()
+
+
+def no_trigger(device: str, reason: str) -> PomologError:
+    """What a driver says of a camera that was asked for a picture and refused."""
+    return PomologError(f"camera {device} takes no trigger ({reason}); is it still plugged in?")
 
 
 def arrival() -> tuple[int, int]:

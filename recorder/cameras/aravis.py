@@ -9,16 +9,12 @@ from contextlib import suppress
 from threading import Event
 from typing import Any, Final
 
-import cv2
-import numpy as np
-
-from recorder.cameras import Shot, arrival, stored_encoding
+from recorder.cameras import BUFFERS, Shot, arrival, as_bgr, no_trigger, stored_encoding
 from recorder.equipment import CameraSettings, Feature
 from recorder.errors import PomologError
 
 HEARTBEAT_S: Final = 4.0  # GigE Vision cameras give up a dead program after 3 s, unless told else
 SETTLE_S: Final = 0.2  # until a camera that was running has noticed that it was stopped
-BUFFERS: Final = 24  # 32 MB of 1280 x 1024 pictures: 0.8 s of a stalled computer at 30 fps
 
 
 def _library() -> Any:
@@ -141,8 +137,7 @@ class AravisCamera:
         size_px = (buffer.get_image_width(), buffer.get_image_height()) if whole else (0, 0)
         data = bytes(buffer.get_image_data()) if whole else b""
         if self._swap and whole:
-            picture = np.frombuffer(data, np.uint8).reshape(size_px[1], size_px[0], 3)
-            data = cv2.cvtColor(picture, cv2.COLOR_RGB2BGR).tobytes()
+            data = as_bgr(data, size_px)
         shot = Shot(
             frame_id=buffer.get_frame_id(),
             device_ns=buffer.get_timestamp() or None,
@@ -163,9 +158,7 @@ class AravisCamera:
         try:
             self._camera.software_trigger()
         except self._error as error:
-            raise PomologError(
-                f"camera {self._device} takes no trigger ({_reason(error)})"
-            ) from None
+            raise no_trigger(self._device, _reason(error)) from None
 
     def close(self) -> None:
         """Stop the camera, if it still listens, and let go of it."""

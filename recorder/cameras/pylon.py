@@ -6,10 +6,7 @@ With PYLON_CAMEMU=2 in the environment before the first import, pylon serves two
 from contextlib import suppress
 from typing import Any
 
-import cv2
-import numpy as np
-
-from recorder.cameras import Shot, arrival, stored_encoding
+from recorder.cameras import BUFFERS, Shot, arrival, as_bgr, no_trigger, stored_encoding
 from recorder.equipment import CameraSettings, Feature
 from recorder.errors import PomologError
 
@@ -55,7 +52,7 @@ class PylonCamera:
             ) from None
         try:
             self._configure(settings)
-            self._camera.MaxNumBuffer.Value = 24
+            self._camera.MaxNumBuffer.Value = BUFFERS
             self._camera.StartGrabbing(self._pylon.GrabStrategy_OneByOne)
         except self._error as error:
             self.close()
@@ -121,8 +118,7 @@ class PylonCamera:
             size_px = (result.Width, result.Height) if whole else (0, 0)
             data = bytes(result.GetBuffer()) if whole else b""
             if self._swap and whole:
-                picture = np.frombuffer(data, np.uint8).reshape(size_px[1], size_px[0], 3)
-                data = cv2.cvtColor(picture, cv2.COLOR_RGB2BGR).tobytes()
+                data = as_bgr(data, size_px)
             return Shot(
                 frame_id=result.BlockID if result.BlockID < 2**63 else None,
                 device_ns=result.TimeStamp or None,
@@ -143,9 +139,7 @@ class PylonCamera:
         try:
             self._camera.ExecuteSoftwareTrigger()
         except self._error as error:
-            raise PomologError(
-                f"camera {self._device} takes no trigger ({_reason(error)})"
-            ) from None
+            raise no_trigger(self._device, _reason(error)) from None
 
     def close(self) -> None:
         """Stop the camera, if it still listens, and let go of it."""
