@@ -184,6 +184,20 @@ def test_an_opencv_yaml_is_read(tmp_path: Path, name: str) -> None:
     assert np.array_equal(found.rotation, np.eye(3))
 
 
+def test_four_numbers_a_lens_are_refused_unless_a_name_says_which_lens(tmp_path: Path) -> None:
+    four = "rows: 1\n   cols: 4\n   dt: d\n   data: [ 0.1, 0.02, 0.003, 0.004 ]"
+    five, eight = (OPENCV.partition(f"D{n}: !!opencv-matrix\n   ")[2] for n in (1, 2))
+    text = OPENCV
+    for lens in (five, eight):
+        text = text.replace(lens[: lens.index("]") + 1], four)
+    assert "lens1 and lens2" in refusal(tmp_path, text, "rig.yaml")
+    for lens in ("plumb_bob", "kannala_brandt"):
+        named = f"{text}lens1: {lens}\nlens2: {lens}\n"
+        assert load_rig(rig_file(tmp_path, named, "rig.yaml")).left.lens == lens
+    ideal = text.replace("0.1, 0.02, 0.003, 0.004", "0., 0., 0., 0.")
+    assert load_rig(rig_file(tmp_path, ideal, "rig.yaml")).left.straight
+
+
 def test_the_real_trees_rig_is_read() -> None:
     path = DATA / "story_orchard" / "rig_opencv.yaml"
     if not path.exists():

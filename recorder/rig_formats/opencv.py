@@ -59,6 +59,12 @@ def read_opencv(path: Path) -> Rig:
     wrong += ["T"] if numbers["T"].size != 3 else []
     if wrong:
         raise PomologError(f"{', '.join(wrong)} has the wrong shape; M and R are 3 x 3, T has 3")
+    pair = np.concatenate([numbers["D1"].ravel(), numbers["D2"].ravel()])
+    if numbers["D1"].size == numbers["D2"].size == 4 and pair.any() and not all(lenses):
+        raise PomologError(
+            "D1 and D2 have 4 numbers, k1 k2 p1 p2 of plain lenses or k1 to k4 of fisheyes, and no "
+            "lens1 and lens2 say which; add both to the file: plumb_bob or kannala_brandt"
+        )
     return Rig(
         _camera(size_px, numbers["M1"], numbers["D1"].ravel(), lenses[0]),
         _camera(size_px, numbers["M2"], numbers["D2"].ravel(), lenses[1]),
