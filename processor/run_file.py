@@ -8,10 +8,10 @@ from typing import Annotated, Any, Final
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from recorder.errors import PomologError, newer_profile
+from recorder.limits import DEFAULT_LIMITS
 from recorder.objects import Place
 
 RESULTS_PROFILE: Final = "pomolog-results/1"
-MAX_BYTES: Final = 64 << 20  # ours have some kilobytes; a ledger and metadata are small too
 
 
 class _Session(BaseModel):
@@ -56,7 +56,7 @@ def read_run(path: Place) -> dict[str, Any]:
     """
     try:
         data = path.read_bytes()
-        if len(data) > MAX_BYTES:
+        if len(data) > DEFAULT_LIMITS.text:
             raise ValueError(f"{len(data)} bytes")
         text = data.decode("utf-8")
         about = json.loads(text)

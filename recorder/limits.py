@@ -24,7 +24,8 @@ class Limits:
     overlap: int = 1 << 30  # of unpacked chunks that overlap in time, held together
     chunk_records: int = 1 << 19  # of one chunk: empty messages pack to nothing, but not in memory
     picture_px: int = 1 << 26  # pixels of a picture; rectifying it takes 16 bytes each
-    text: int = 64 << 20  # of a TOML, YAML or JSON file; as objects it takes some twenty times more
+    calibration: int = 1 << 20  # of a YAML of a rig: it has kilobytes, and YAML is read slowly
+    text: int = 64 << 20  # of a TOML, JSON or XML file; as objects it takes some twenty times more
 
 
 def limits_from(words: str) -> Limits:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from recorder.errors import PomologError
-from recorder.text_files import require_size
+from recorder.text_files import read_text
 
 MOST_NUMBERS: Final = 1000  # of a matrix; a camera's has 9
 _MATRIX: Final = re.compile(
@@ -29,11 +29,7 @@ def require_sound(path: Path) -> None:
     Raises:
         PomologError: one does, or the file is no text, or too large.
     """
-    require_size(path)
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, ValueError):
-        raise PomologError("not a text file; give an OpenCV stereo YAML") from None
+    text = read_text(path, "an OpenCV stereo YAML", "calibration")
     plain = re.sub(r"(^|\s)#[^\n]*", r"\1", text)  # a comment
     matrices = _MATRIX.findall(plain)
     found = {word: len(re.findall(rf"\b{word}\b", plain)) for word in _WORDS}

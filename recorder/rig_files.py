@@ -12,9 +12,10 @@ from recorder.records import SIDES
 from recorder.rig import Rig
 from recorder.rig_formats.kalibr import is_kalibr, kalibr_text, rig_of_kalibr
 from recorder.rig_formats.opencv import opencv_text, read_opencv
-from recorder.rig_formats.ours import equipment_of, read_toml, toml_text
+from recorder.rig_formats.ours import equipment_of, read_rig_toml, toml_text
 from recorder.rig_formats.ros import camera_info_text, is_camera_info, rig_of_camera_infos
-from recorder.rig_formats.yaml_text import parse, read_text
+from recorder.rig_formats.yaml_text import parse
+from recorder.text_files import read_text
 
 Format = Literal["pomolog", "opencv", "ros", "kalibr"]
 YAML: Final = (".yaml", ".yml")
@@ -40,13 +41,14 @@ def read_rig(path: Path) -> Rig:
     try:
         if pair is not None:
             return _read_pair(*pair)
-        return read_toml(path) if path.suffix.lower() == ".toml" else _read_yaml(path)
+        return read_rig_toml(path) if path.suffix.lower() == ".toml" else _read_yaml(path)
     except PomologError as error:
-        raise PomologError(f"{path}: {error}") from None
+        said = str(error).removeprefix(f"{path} ").removeprefix("is ")  # some name it already
+        raise PomologError(f"{path}: {said}") from None
 
 
 def _read_yaml(path: Path) -> Rig:
-    content = parse(read_text(path))
+    content = parse(read_text(path, "a calibration", "calibration"))
     if content is None:
         return read_opencv(path)
     if is_kalibr(content):
@@ -62,7 +64,7 @@ def _read_yaml(path: Path) -> Rig:
 def _read_pair(left: Path, right: Path) -> Rig:
     contents: list[Mapping[str, Any]] = []
     for path in (left, right):
-        content = parse(read_text(path))
+        content = parse(read_text(path, "a calibration", "calibration"))
         if content is None or not is_camera_info(content):
             raise PomologError(
                 f"{path.name} is no ROS camera_info; "

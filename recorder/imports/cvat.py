@@ -9,6 +9,7 @@ import numpy as np
 from recorder.errors import PomologError
 from recorder.imports.coco import IDENTITIES, whole_number
 from recorder.imports.shapes import Mask, PictureLabels, Shape, circle
+from recorder.text_files import require_size
 
 _SHAPES: Final = ("polygon", "box", "mask", "ellipse")
 _NAMES: Final = (*IDENTITIES, "id", "apple")  # of an attribute that gives the apple's number
@@ -42,6 +43,7 @@ def read_cvat(path: Path) -> tuple[PictureLabels, ...]:
 
 
 def _parse(path: Path) -> ET.Element:
+    require_size(path)
     try:
         text = path.read_bytes()
     except OSError as error:

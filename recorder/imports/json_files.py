@@ -7,22 +7,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from recorder.errors import PomologError
-from recorder.text_files import require_size
-
-
-def read_text(path: Path, kind: str = "a label file") -> str:
-    """A text file, with a byte order mark or without.
-
-    Raises:
-        PomologError: it cannot be read, or is no text.
-    """
-    require_size(path)
-    try:
-        return path.read_text(encoding="utf-8-sig")
-    except OSError as error:
-        raise PomologError(f"cannot read {path}: {error.strerror}; is the name right?") from None
-    except UnicodeDecodeError:
-        raise PomologError(f"{path} is not {kind}: it is no text; is it the right file?") from None
+from recorder.text_files import read_text
 
 
 def read_json(path: Path) -> Any:

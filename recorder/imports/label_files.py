@@ -14,9 +14,10 @@ import numpy as np
 
 from recorder.errors import PomologError
 from recorder.imports.coco import whole_number
-from recorder.imports.json_files import read_json, read_text
+from recorder.imports.json_files import read_json
 from recorder.imports.shapes import Mask, PictureLabels, Shape, circle
 from recorder.pictures import MAX_SIDE_PX, identify, verify
+from recorder.text_files import read_text
 
 _BAD: Final = (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError)
 _COLUMNS: Final = (("c-x", "c-y", "radius"), ("x", "y", "radius"), ("x", "y", "dx", "dy"))

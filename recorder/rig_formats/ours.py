@@ -8,7 +8,6 @@ from typing import Annotated, Any, Final, Self
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from recorder import text_files
 from recorder.errors import PomologError
 from recorder.records import SIDES
 from recorder.rig import (
@@ -19,6 +18,7 @@ from recorder.rig import (
     Rangefinder,
     Rig,
 )
+from recorder.text_files import read_toml
 
 EQUIPMENT: Final = ("cameras", "rangefinder_device", "capture")
 _HEADING: Final = re.compile(r"\s*\[{1,2}\s*([A-Za-z0-9_-]+)[A-Za-z0-9_.\s\"'-]*\]{1,2}\s*(#.*)?$")
@@ -107,19 +107,15 @@ class _RigFile(BaseModel):
     capture: Any = None
 
 
-def read_toml(path: Path) -> Rig:
+def read_rig_toml(path: Path) -> Rig:
     """Read a rig.
 
     Raises:
         PomologError: not TOML, a key that is wrong or missing, or numbers that no rig can have.
     """
+    content = read_toml(path, "see docs/architecture.md for a rig")
     try:
-        table = _RigFile.model_validate(
-            text_files.read_toml(path, "see docs/architecture.md for a rig")
-        )
-    except PomologError as error:  # whoever asked names the file
-        said = str(error).removeprefix(f"{path} ").removeprefix("is ")
-        raise PomologError(said) from None
+        table = _RigFile.model_validate(content)
     except ValidationError as error:
         first = error.errors()[0]
         key = ".".join(map(str, first["loc"]))

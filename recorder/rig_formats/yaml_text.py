@@ -1,34 +1,13 @@
-"""YAML of others, read without trust and written so that no digit is lost."""
+"""YAML of others, parsed without trust and written so that no digit is lost."""
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 import yaml
 
 from recorder.errors import PomologError
 from recorder.rig import Floats, Rangefinder
-
-MAX_BYTES: Final = 1_000_000  # a calibration has a few thousand
-
-
-def read_text(path: Path) -> str:
-    """A calibration's text.
-
-    Raises:
-        PomologError: it cannot be read, or is no text of a calibration's size.
-    """
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise PomologError(f"cannot be read: {error.strerror}; is the name right?") from None
-    if len(data) > MAX_BYTES:
-        raise PomologError(f"{len(data) / 1e6:.0f} MB are no calibration; is it the right file?")
-    try:
-        return data.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        raise PomologError("not a text file; is it the right one?") from None
 
 
 def parse(text: str) -> Mapping[str, Any] | None:
