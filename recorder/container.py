@@ -1,17 +1,15 @@
 """A whole MCAP file, read by its index and trusted in nothing: places, times, counts and CRCs.
 
-`recorder.mcap_records` reads single records within bounds.
+`recorder.mcap_index` reads the index, `recorder.mcap_records` single records within bounds.
 """
 
-import hashlib
 import heapq
 import io
-import struct
 import zlib
 from collections import Counter
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import AbstractContextManager
-from typing import Any, Final, cast
+from typing import Final, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -19,21 +17,16 @@ from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import (
-    Channel,
     ChunkIndex,
     DataEnd,
-    Footer,
     Header,
     McapRecord,
     Message,
     Metadata,
-    MetadataIndex,
-    Schema,
-    Statistics,
 )
 
-from recorder.errors import TornFileError
 from recorder.limits import DEFAULT_LIMITS, Limits
+from recorder.mcap_index import index_times, read_index
 from recorder.mcap_records import (
     MAGIC,
     RECORD_PREFIX,
@@ -48,20 +41,23 @@ from recorder.mcap_records import (
 )
 from recorder.objects import FETCH_BYTES, ObjectReader, Place
 
-_FOOTER_BYTES: Final = RECORD_PREFIX.size + 20
-_DATA_END_BYTES: Final = RECORD_PREFIX.size + 4
 CHUNKS_AT_ONCE: Final = 4  # of 4 MiB: asked of object storage side by side
 MANY_IN_A_CHUNK: Final = 16  # messages of a topic; more need one more request
 _HELD_BYTES: Final = 400  # what a message in memory takes beside its data
 
 
 class Container:
-    """A whole MCAP file, indexed. Use it as a context manager.
+    """A whole MCAP file, read by its index. Use it as a context manager.
 
     Args:
         path: the file.
         limits: what it may ask of this machine's memory.
         remedy: the command that mends such a file, with its {path}.
+
+    Attributes:
+        index: what the file says that it holds.
+        header: its first record.
+        size_bytes: all of it.
 
     Raises:
         TornFileError: the file ends without an index.
@@ -76,7 +72,7 @@ class Container:
         try:
             self.size_bytes = self._stream.seek(0, io.SEEK_END)
             with self._reporting("its index"):
-                self._read_summary()
+                self.index = read_index(self._stream, self.size_bytes, limits, path, remedy)
             with self._reporting("its header"):
                 self.header = self._read_header()
         except BaseException:
@@ -99,15 +95,15 @@ class Container:
     def counts(self) -> dict[str, int]:
         """Messages by topic, as the file's own statistics have them."""
         counts: Counter[str] = Counter()
-        for channel_id, channel in self.channels.items():
-            counts[channel.topic] += self.statistics.channel_message_counts.get(channel_id, 0)
+        for channel_id, channel in self.index.channels.items():
+            counts[channel.topic] += self.index.statistics.channel_message_counts.get(channel_id, 0)
         return dict(counts)
 
     def schema_name(self, topic: str) -> str | None:
         """The schema of a topic, or None where the file has no such topic."""
-        for channel in self.channels.values():
+        for channel in self.index.channels.values():
             if channel.topic == topic:
-                schema = self.schemas.get(channel.schema_id)
+                schema = self.index.schemas.get(channel.schema_id)
                 return schema.name if schema else ""
         return None
 
@@ -117,18 +113,18 @@ class Container:
         Raises:
             PomologError: an index is damaged, or the file was written without them.
         """
-        wanted = {i for i, channel in self.channels.items() if channel.topic == topic}
+        wanted = self._wanted((topic,))
         times = [np.empty(0, np.uint64)]
         with self._reporting("its message index"):
             self._announce(
                 [
                     (offset, RECORD_PREFIX.size + 6 + 16 * MANY_IN_A_CHUNK)
-                    for chunk_index in self._chunk_indexes
+                    for chunk_index in self.index.chunks
                     for i, offset in chunk_index.message_index_offsets.items()
                     if i in wanted
                 ]
             )
-            for chunk_index in self._chunk_indexes:
+            for chunk_index in self.index.chunks:
                 for channel_id, offset in chunk_index.message_index_offsets.items():
                     if channel_id not in wanted:
                         continue
@@ -136,7 +132,7 @@ class Container:
                     opcode, body = read_record(self._stream, self.limits)
                     if opcode != Opcode.MESSAGE_INDEX:
                         raise McapError("no message index where one should be")
-                    times.append(_index_times(body, channel_id, chunk_index))
+                    times.append(index_times(body, channel_id, chunk_index))
             found = np.sort(np.concatenate(times))
             expected = self.counts().get(topic, 0)
             if len(found) != expected:
@@ -159,13 +155,13 @@ class Container:
             PomologError: a chunk is damaged or too large, or messages are missing.
         """
         with self._reporting("reading messages"):
-            if self._chunk_indexes or not self.statistics.message_count:
+            if self.index.chunks or not self.index.statistics.message_count:
                 yield from self._messages(topics, start_ns, stop_ns)
                 return
-            wanted = {i for i, c in self.channels.items() if topics is None or c.topic in topics}
-            counts = self.statistics.channel_message_counts
+            wanted = self._wanted(topics)
+            counts = self.index.statistics.channel_message_counts
             expected = {i: counts.get(i, 0) for i in wanted}
-            for message in loose_messages(self._stream, self._summary_start, expected, self.limits):
+            for message in loose_messages(self._stream, self.index.start, expected, self.limits):
                 late = stop_ns is not None and message.log_time >= stop_ns
                 if not late and (start_ns is None or message.log_time >= start_ns):
                     yield self._raw(message)
@@ -173,13 +169,11 @@ class Container:
     def _messages(
         self, topics: Collection[str] | None, start_ns: int | None, stop_ns: int | None
     ) -> Iterator[RawMessage]:
-        wanted = {
-            i for i, channel in self.channels.items() if topics is None or channel.topic in topics
-        }
+        wanted = self._wanted(topics)
         seen: Counter[int] = Counter()
         waiting: list[tuple[int, int, int, Message]] = []  # log time, chunk, place in chunk
         held = 0
-        chunks = [c for c in self._chunk_indexes if self._may_hold(c, wanted, start_ns, stop_ns)]
+        chunks = [c for c in self.index.chunks if self._may_hold(c, wanted, start_ns, stop_ns)]
         for number, chunk_index in enumerate(chunks):
             if number % CHUNKS_AT_ONCE == 0:
                 coming = chunks[number : number + CHUNKS_AT_ONCE]
@@ -190,7 +184,7 @@ class Container:
                 yield self._raw(message)
             for place, record in enumerate(self._chunk(chunk_index)):
                 if not isinstance(record, Message) or record.channel_id not in wanted:
-                    if isinstance(record, Message) and record.channel_id not in self.channels:
+                    if isinstance(record, Message) and record.channel_id not in self.index.channels:
                         raise McapError(f"a message of unknown channel {record.channel_id}")
                     continue
                 seen[record.channel_id] += 1
@@ -206,10 +200,14 @@ class Container:
             *_, message = heapq.heappop(waiting)
             yield self._raw(message)
         if start_ns is None and stop_ns is None:
-            expected = self.statistics.channel_message_counts
+            expected = self.index.statistics.channel_message_counts
             lost = sum(expected.get(i, 0) for i in wanted) - sum(seen.values())
             if lost:
                 raise McapError(f"{abs(lost)} messages {'missing' if lost > 0 else 'too many'}")
+
+    def _wanted(self, topics: Collection[str] | None) -> set[int]:
+        """The channels of some topics, or of all."""
+        return {i for i, c in self.index.channels.items() if topics is None or c.topic in topics}
 
     def _announce(self, ranges: Sequence[tuple[int, int]]) -> None:
         """Say what is read next: object storage is asked for all of it at once, within bounds."""
@@ -218,7 +216,7 @@ class Container:
 
     def _raw(self, message: Message) -> RawMessage:
         return RawMessage(
-            self.channels[message.channel_id].topic,
+            self.index.channels[message.channel_id].topic,
             message.log_time,
             message.publish_time,
             message.sequence,
@@ -253,7 +251,7 @@ class Container:
         """Every metadata record by name; the last one of a name counts."""
         found: dict[str, dict[str, str]] = {}
         with self._reporting("its metadata"):
-            for index in self._metadata_indexes:
+            for index in self.index.metadata:
                 self._stream.seek(index.offset)
                 opcode, body = read_record(self._stream, self.limits)
                 if opcode != Opcode.METADATA:
@@ -281,7 +279,7 @@ class Container:
                     unpack_chunk(parse_chunk(body), self.limits)
                 crc = zlib.crc32(body, zlib.crc32(RECORD_PREFIX.pack(opcode, len(body)), crc))
             expected = DataEnd.read(ReadDataStream(io.BytesIO(body))).data_section_crc
-            if expected not in (0, crc) or self._stream.tell() != self._summary_start:
+            if expected not in (0, crc) or self._stream.tell() != self.index.start:
                 raise McapError("the data before the index fail their CRC")
             for _ in self._messages(None, None, None):
                 pass
@@ -292,97 +290,3 @@ class Container:
         if opcode != Opcode.HEADER:
             raise McapError("the first record is no header")
         return cast("Header", Header.read(ReadDataStream(io.BytesIO(body))))
-
-    def _read_summary(self) -> None:
-        tail_bytes = _FOOTER_BYTES + len(MAGIC)
-        self._stream.seek(max(0, self.size_bytes - tail_bytes))
-        tail = self._stream.read()
-        if len(tail) < tail_bytes or not tail.endswith(MAGIC) or tail[0] != Opcode.FOOTER:
-            raise TornFileError(
-                f"{self.path} ends without an index; was recording cut off? "
-                f"try: {self._remedy.format(path=self.path)}"
-            )
-        footer = Footer.read(ReadDataStream(io.BytesIO(tail[RECORD_PREFIX.size :])))
-        start = footer.summary_start
-        length = self.size_bytes - tail_bytes - start
-        if not _DATA_END_BYTES < start < self.size_bytes or length < 0:
-            raise TornFileError(
-                f"{self.path} has no index; try: {self._remedy.format(path=self.path)}"
-            )
-        if length > self.limits.record:
-            raise McapError(f"an index of {length} bytes, more than {self.limits.record}")
-        self._summary_start = start
-        self._stream.seek(start - _DATA_END_BYTES)  # the CRC over all data stands before the index
-        data_end = self._stream.read(_DATA_END_BYTES)
-        summary = self._stream.read(length)
-        self.fingerprint = hashlib.sha256(data_end + summary).hexdigest()[:16]
-        footer_start = tail[: RECORD_PREFIX.size + 16]
-        if footer.summary_crc not in (0, zlib.crc32(footer_start, zlib.crc32(summary))):
-            raise McapError("the index fails its CRC")
-        self.schemas: dict[int, Schema] = {}
-        self.channels: dict[int, Channel] = {}
-        self._chunk_indexes: list[ChunkIndex] = []
-        self._metadata_indexes: list[MetadataIndex] = []
-        statistics: Statistics | None = None
-        for record in _records(summary):
-            if isinstance(record, Schema):
-                self.schemas[record.id] = record
-            elif isinstance(record, Channel):
-                self.channels[record.id] = record
-            elif isinstance(record, ChunkIndex):
-                self._chunk_indexes.append(record)
-            elif isinstance(record, MetadataIndex):
-                self._metadata_indexes.append(record)
-            elif isinstance(record, Statistics):
-                statistics = record
-        if statistics is None:
-            raise McapError("no statistics")
-        self.statistics = statistics
-        self._chunk_indexes.sort(key=lambda c: (c.message_start_time, c.chunk_start_offset))
-        if statistics.chunk_count != len(self._chunk_indexes):
-            raise McapError(
-                f"{len(self._chunk_indexes)} chunks indexed, {statistics.chunk_count} counted"
-            )
-        self._check_places()
-
-    def _check_places(self) -> None:
-        """Every chunk and message index has a place of its own, so that none is read twice."""
-        places = sorted(self._chunk_indexes, key=lambda c: c.chunk_start_offset)
-        starts = [index.chunk_start_offset for index in places] + [self._summary_start]
-        for index, following in zip(places, starts[1:], strict=True):
-            end = index.chunk_start_offset + index.chunk_length
-            offsets = index.message_index_offsets.values()
-            if end > following or not all(end <= offset < following for offset in offsets):
-                raise McapError("chunks are indexed one over the other")
-
-
-_SUMMARY_RECORDS: Final[dict[int, Any]] = {
-    Opcode.SCHEMA: Schema,
-    Opcode.CHANNEL: Channel,
-    Opcode.CHUNK_INDEX: ChunkIndex,
-    Opcode.METADATA_INDEX: MetadataIndex,
-    Opcode.STATISTICS: Statistics,
-}
-
-
-def _index_times(body: bytes, channel_id: int, chunk: ChunkIndex) -> npt.NDArray[np.uint64]:
-    """The times in a message index's body; no CRC covers them, so the chunk's time bounds them."""
-    found_id, length = struct.unpack_from("<HI", body)
-    if found_id != channel_id:
-        raise McapError("a message index of another channel")
-    if length != len(body) - 6:
-        raise McapError("a message index's lengths do not add up")
-    times = np.frombuffer(body, "<u8", offset=6).reshape(-1, 2)[:, 0]
-    if len(times) and not (
-        chunk.message_start_time <= times.min() and times.max() <= chunk.message_end_time
-    ):
-        raise McapError("a message index has messages from outside its chunk's time")
-    return times
-
-
-def _records(summary: bytes) -> Iterator[McapRecord]:
-    stream = io.BytesIO(summary)
-    while stream.tell() < len(summary):
-        opcode, body = read_record(stream)
-        if opcode in _SUMMARY_RECORDS:
-            yield _SUMMARY_RECORDS[opcode].read(ReadDataStream(io.BytesIO(body)))

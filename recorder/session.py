@@ -192,12 +192,12 @@ class Session:
     @property
     def fingerprint(self) -> str:
         """A short hash that changes when anything in the file does: its CRCs and its index."""
-        return self._container.fingerprint
+        return self._container.index.fingerprint
 
     def info(self) -> SessionInfo:
         """Counts and times, from the index."""
         counts = {topic: n for topic, n in self._container.counts().items() if n}
-        statistics = self._container.statistics
+        statistics = self._container.index.statistics
         return SessionInfo(
             profile=self.metadata["profile"],
             frames=sum(counts.get(topic, 0) for topic in IMAGE_TOPICS.values()),

@@ -22,6 +22,7 @@ MAY_IMPORT = {
 KEEPERS = {
     "mcap": {
         "recorder.container",
+        "recorder.mcap_index",
         "recorder.mcap_records",
         "recorder.message_writer",
         "recorder.ros2",

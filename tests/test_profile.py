@@ -71,9 +71,9 @@ def test_others_schemas_are_foxgloves_and_only_our_own_are_ours(tmp_path: Path) 
     }
     with Container(session_file(tmp_path, 1)) as container:
         assert {topic: container.schema_name(topic) for topic in wanted} == wanted
-        assert [channel.topic for channel in container.channels.values()] == list(TOPICS)
-        assert all(s.encoding == "protobuf" for s in container.schemas.values())
-        assert all(c.message_encoding == "protobuf" for c in container.channels.values())
+        assert [channel.topic for channel in container.index.channels.values()] == list(TOPICS)
+        assert all(s.encoding == "protobuf" for s in container.index.schemas.values())
+        assert all(c.message_encoding == "protobuf" for c in container.index.channels.values())
         assert container.header.profile == "pomolog/1"
 
 

@@ -351,7 +351,7 @@ def test_no_chunk_is_larger_than_4_mib(tmp_path: Path) -> None:
             writer.write_note(Note(index, "leaf " * 8))
     for file in (path, tmp_path / "small.mcap"):
         with Container(file) as container:
-            sizes = [index.uncompressed_size for index in container._chunk_indexes]
+            sizes = [index.uncompressed_size for index in container.index.chunks]
         assert len(sizes) > 1
         assert max(sizes) <= CHUNK_BYTES == 4 * 1024 * 1024
 

@@ -83,7 +83,7 @@ class Bag:
         starts: list[tuple[int, Path]] = []
         for file in _files(path):
             with Container(file, remedy=REMEDY) as container:
-                starts.append((container.statistics.message_start_time, file))
+                starts.append((container.index.statistics.message_start_time, file))
                 if container.header.profile == PROFILE:
                     raise PomologError(f"{file} is a pomolog session already; use it as it is")
                 self._add_topics(container)
@@ -92,8 +92,8 @@ class Bag:
 
     def _add_topics(self, container: Container) -> None:
         counts = container.counts()
-        for channel in container.channels.values():
-            schema = container.schemas.get(channel.schema_id)
+        for channel in container.index.channels.values():
+            schema = container.index.schemas.get(channel.schema_id)
             name = schema.name.replace("/msg/", "/") if schema else ""
             known = self.topics.get(channel.topic)
             self.topics[channel.topic] = Topic(
