@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from recorder.commands import command_group
+from recorder.commands import AsJson, SessionArgument, command_group
 from recorder.errors import PomologError
 
 if TYPE_CHECKING:
@@ -27,11 +27,6 @@ app.add_typer(
 )
 
 
-@app.callback()
-def _processor() -> None:
-    """Replay sessions through the locator, and score what it found."""
-
-
 @app.command(epilog="Example: pomolog replay sessions/demo.mcap -o results --method paper")
 def replay(
     sessions: Annotated[
@@ -47,7 +42,7 @@ def replay(
     ] = "",
     seed: Annotated[int, typer.Option(min=0, help="Of every random number.")] = 0,
     rrd: Annotated[str, typer.Option(help="full: draw recordings; none: rows only.")] = "full",
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Run a locator on sessions and keep every intermediate; run again, it goes on."""
     from processor.methods import load_method
@@ -136,7 +131,7 @@ def score(
         list[str], typer.Argument(metavar="OUT...", help="Folders of results, or s3://, gs://.")
     ],
     by: Annotated[str, typer.Option(help="Group by this metadata key: lighting, ...")] = "",
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Hits, false positives, matches and distance errors of a run, from its counts."""
     from processor.runs import find_runs, losses, score_runs
@@ -171,7 +166,7 @@ def paper(
         Path | None, typer.Option(help="Folder of real pictures to run what can be run on.")
     ] = None,
     workers: Annotated[int, typer.Option(min=0, help="Processes; 0 is one a core.")] = 0,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Every table and figure of the paper, beside ours; killed and run again, it goes on."""
     from processor.experiments.material import find_material
@@ -199,7 +194,7 @@ def train(
     sessions: Annotated[list[Path], typer.Argument(metavar="S...", help="Labelled sessions.")],
     out: Annotated[Path, typer.Option("--out", "-o", help="The model to write (.npz).")],
     boxes: Annotated[Path | None, typer.Option(help="Photographs: images/, labels/.")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Learn a model for method `pomolog`; minutes. Use it with: [recognise] model = "mine.npz"."""
     from processor.teach import teach
@@ -211,16 +206,11 @@ def train(
         print(f"{out}, its provenance in {out.with_suffix('.json')}")
 
 
-@exports.callback()
-def _exports() -> None:
-    """Give sessions and results to other tools."""
-
-
 @exports.command("bag", epilog="Example: pomolog export bag sessions/demo.mcap -o demo-ros.mcap")
 def export_bag(
-    session: Annotated[Path, typer.Argument(metavar="S", help="A session (.mcap).")],
+    session: SessionArgument,
     out: Annotated[Path, typer.Option("--out", "-o", help="X.mcap, or a bag's folder.")],
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Write a session as a ROS 2 bag (rosbag2, MCAP); `pomolog import bag` makes it whole again."""
     from recorder.exports.bag import export_bag as export
@@ -237,9 +227,9 @@ def export_bag(
 
 @exports.command("frames", epilog="Example: pomolog export frames S.mcap -o pictures/")
 def export_frames(
-    session: Annotated[Path, typer.Argument(metavar="S", help="A session (.mcap).")],
+    session: SessionArgument,
     out: Annotated[Path, typer.Option("--out", "-o", help="The folder to make.")],
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Write a session's pictures (and depth) with its truth as COCO, for labelling tools.
 
@@ -264,7 +254,7 @@ def export_results(
     results: Annotated[list[Path], typer.Argument(metavar="OUT...", help="Folders of results.")],
     out: Annotated[Path, typer.Option("--out", "-o", help="X.csv, X.jsonl or X.coco.json.")],
     table: Annotated[str, typer.Option(help="apples, frames or truth.")] = "apples",
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Write results as CSV, JSON lines, or COCO detections."""
     from processor.export import export_results as export

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from recorder.commands import command_group
+from recorder.commands import AsJson, SessionArgument, SessionOutput, command_group
 from recorder.errors import PomologError, TornFileError
 
 if TYPE_CHECKING:
@@ -18,15 +18,6 @@ if TYPE_CHECKING:
     from recorder.status import RecorderStatus
 
 app = command_group()
-
-SessionArgument = Annotated[Path, typer.Argument(metavar="S", help="A session (.mcap).")]
-Output = Annotated[Path, typer.Option("--out", "-o", help="The session to write.")]
-AsJson = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")]
-
-
-@app.callback()
-def _recorder() -> None:
-    """Record sessions, make them, and look after them."""
 
 
 @app.command(epilog="Example: pomolog info sessions/demo.mcap")
@@ -116,7 +107,7 @@ def check(
 @app.command(epilog="Example: pomolog salvage torn.mcap -o whole.mcap")
 def salvage(
     torn: Annotated[Path, typer.Argument(metavar="TORN", help="A torn or damaged session.")],
-    out: Output,
+    out: SessionOutput,
 ) -> None:
     """Make a whole session of what a torn or damaged one still has."""
     from recorder.salvage import salvage as save
@@ -129,7 +120,7 @@ def salvage(
 @app.command(epilog="Example: pomolog simulate segmentation-front --fraction 0.1 -o S.mcap")
 def simulate(
     scene: Annotated[Path, typer.Argument(metavar="SCENE", help="A scene file, or a set's name.")],
-    out: Output,
+    out: SessionOutput,
     preview: Annotated[
         bool, typer.Option("--preview", help="A quarter as wide and high: seconds, not minutes.")
     ] = False,

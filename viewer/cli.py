@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from recorder.commands import command_group
+from recorder.commands import AsJson, command_group
 from recorder.errors import PomologError
 
 if TYPE_CHECKING:
@@ -16,11 +16,6 @@ if TYPE_CHECKING:
 app = command_group()
 
 DEMO_SESSION = Path(__file__).parent.parent / "sessions" / "demo.mcap"
-
-
-@app.callback()
-def _viewer() -> None:
-    """Open runs and sessions."""
 
 
 @app.command(epilog="Example: pomolog view results --worst 10")
@@ -101,7 +96,7 @@ def report(
     session: Annotated[
         list[Path] | None, typer.Option(help="Where a session lies now; a file or a folder.")
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """One page to send: what was run, the score, plots, the ledger, the worst cases in pictures."""
     from recorder.files import replacing
@@ -129,7 +124,7 @@ def sheet(
     session: Annotated[
         Path | None, typer.Option(help="Where the session lies now; a file or a folder.")
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Every stage of one frame in one picture; the frame is located again, as the run did it."""
     from recorder.files import replacing

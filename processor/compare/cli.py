@@ -7,15 +7,10 @@ from typing import Annotated
 
 import typer
 
-from recorder.commands import command_group
+from recorder.commands import AsJson, command_group
 from recorder.errors import PomologError
 
 app = command_group()
-
-
-@app.callback()
-def _compare() -> None:
-    """Hold one version of a method against another."""
 
 
 @app.command(
@@ -30,7 +25,7 @@ def compare(
     markdown: Annotated[Path | None, typer.Option(help="Write the report there too.")] = None,
     junit: Annotated[Path | None, typer.Option(help="Write JUnit XML there.")] = None,
     fruit: Annotated[Path | None, typer.Option(help="Write each changed fruit (Parquet).")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """What B gains and loses against A, and whether the data can tell it from chance.
 

@@ -7,15 +7,10 @@ from typing import Annotated
 
 import typer
 
-from recorder.commands import command_group
+from recorder.commands import AsJson, command_group
 from recorder.errors import PomologError
 
 app = command_group()
-
-
-@app.callback()
-def _sweep() -> None:
-    """Try many settings of a method."""
 
 
 @app.command(epilog="Example: pomolog sweep S.mcap --vary circles.rounds=5,10,20 -o out")
@@ -29,7 +24,7 @@ def sweep(
     test: Annotated[list[Path] | None, typer.Option(help="A session to report on.")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Of every random number.")] = 0,
     workers: Annotated[int, typer.Option(min=0, help="Processes; 0 is one a core.")] = 0,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Try every combination of values; choose the best on train, say its worth on test.
 

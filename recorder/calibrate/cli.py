@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from recorder.commands import command_group
+from recorder.commands import AsJson, command_group
 
 if TYPE_CHECKING:
     from recorder.calibrate.beam import BeamFit
@@ -21,11 +21,6 @@ app.add_typer(
     help="Convert a calibration from one format to another.",
     epilog="Example: pomolog rig convert camchain.yaml -o rig.toml",
 )
-
-
-@app.callback()
-def _calibrate() -> None:
-    """Calibrate cameras, and convert calibrations."""
 
 
 @app.command(
@@ -70,7 +65,7 @@ def calibrate(
     views: Annotated[
         int, typer.Option(min=3, help="Look at so many pairs at most, evenly spread.")
     ] = 100,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Calibrate two cameras by pictures of a flat board, and say how far to trust the result.
 
@@ -192,11 +187,6 @@ def _beam_by_apples(pictures: list[Path], out: Path | None, *, as_json: bool) ->
     print(_beam_line(beam))
     for path in written:
         print(path)
-
-
-@rigs.callback()
-def _rigs() -> None:
-    """Convert a calibration from one format to another."""
 
 
 @rigs.command(epilog="Example: pomolog rig convert left.yaml right.yaml -o rig.toml")

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from recorder.commands import command_group
+from recorder.commands import AsJson, SessionArgument, SessionOutput, command_group
 
 app = command_group()
 imports = typer.Typer(no_args_is_help=True)
@@ -18,27 +18,13 @@ app.add_typer(
     epilog="Example: pomolog import frames left/ right/ --rig rig.toml -o S.mcap",
 )
 
-SessionArgument = Annotated[Path, typer.Argument(metavar="S", help="A session (.mcap).")]
-Output = Annotated[Path, typer.Option("--out", "-o", help="The session to write.")]
-AsJson = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")]
-
-
-@app.callback()
-def _interchange() -> None:
-    """Make sessions of what others recorded, and give them truth."""
-
-
-@imports.callback()
-def _imports() -> None:
-    """Make a session from pictures or recordings of others."""
-
 
 @imports.command(
     epilog="Example: pomolog import frames left/ right/ --rig rig.toml --lighting front -o S.mcap"
 )
 def frames(
     left: Annotated[Path, typer.Argument(metavar="LEFT", help="A picture, or a folder of them.")],
-    out: Output,
+    out: SessionOutput,
     right: Annotated[
         Path | None,
         typer.Argument(metavar="RIGHT", help="The same of the right view; or one view alone."),
@@ -79,7 +65,7 @@ def frames(
 @imports.command(epilog="Example: pomolog import bag row7/ --tolerance 10ms -o row7.mcap")
 def bag(
     source: Annotated[Path, typer.Argument(metavar="BAG", help="An MCAP file, or its folder.")],
-    out: Output,
+    out: SessionOutput,
     left: Annotated[str, typer.Option(help="The left view's topic.")] = "",
     right: Annotated[str, typer.Option(help="The right view's; - for one view only.")] = "",
     left_info: Annotated[str, typer.Option(help="The left calibration's topic.")] = "",
@@ -150,7 +136,7 @@ def bag(
 @app.command(epilog="Example: pomolog label S.mcap --coco labels.json --partial -o T.mcap")
 def label(
     session: SessionArgument,
-    out: Output,
+    out: SessionOutput,
     masks: Annotated[
         Path | None,
         typer.Option(help="left/*.png and right/*.png, in order; or *.png of one view."),
