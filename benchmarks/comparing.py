@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 from rich.console import Console
 from rich.table import Table
 
@@ -35,8 +34,8 @@ from processor.paired import Interval, differences
 from processor.replay import replay
 from recorder.errors import PomologError
 from recorder.progress import progress
+from recorder.rig import Floats
 
-Floats = npt.NDArray[np.float64]
 Sums = dict[str, Floats]
 Plant = Callable[[Sums, np.random.Generator], Sums]
 

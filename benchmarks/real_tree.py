@@ -29,7 +29,7 @@ from processor.locate import Locator
 from processor.match import AreaInOrder
 from processor.methods import METHODS
 from processor.recognise import ColourRatio, RedMinusLuma, TwoRedMinusGreenBlue
-from processor.results import rows_of
+from processor.rows import rows_of
 from processor.trace import CircleFinder, Cleaner, Matcher, Recogniser
 from recorder.imports.frames import import_frames
 from recorder.pictures import decode

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 from scipy.optimize import linear_sum_assignment
 
 from processor.discs import LEAST_VISIBLE, Discs, disc_iou, true_discs
@@ -23,7 +22,6 @@ from recorder.rectify import Rectification
 LEAST_IOU = 0.5
 LEAST_VISIBLE_TO_MATCH = 0.5  # in both views, of an apple that counts as one to be matched
 
-Floats = npt.NDArray[np.float64]
 Verdict = Literal["right", "wrong", "missed"]
 Disc = tuple[float, float, float]  # x, y, radius in rectified pixels
 

@@ -11,10 +11,9 @@ import numpy.typing as npt
 
 from recorder.records import UNCOUNTED, FrameTruth, Labels, Outline, Side
 from recorder.rectify import Rectification, View
+from recorder.rig import Floats
 
 LEAST_VISIBLE: Final = 0.1  # of an apple that counts as one to be found
-
-Floats = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

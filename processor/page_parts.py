@@ -68,11 +68,6 @@ def percent(share: float | None) -> float | None:
     return None if share is None else 100.0 * share
 
 
-def millimetres(metres: float | None) -> float | None:
-    """Metres as millimetres; None stays None."""
-    return None if metres is None else 1000.0 * metres
-
-
 def is_number(table: Table, key: str) -> bool:
     """Whether a column has numbers: they stand right, and names left."""
     values: list[Scalar] = [row.get(key) for row in table.rows]

@@ -1,33 +1,29 @@
-"""The rows of a run's results, as Parquet: written by `replay`, read by everything after it."""
+"""The tables of a run's results, as Parquet: what they are, written and read."""
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
-import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
 from processor.columns import meaning
-from processor.count import AppleVerdict, Counts, FrameCounts
 from processor.run_file import read_run
-from processor.trace import Circles, Trace
 from recorder.errors import PomologError
 from recorder.files import replacing
-from recorder.records import SIDES, StereoPair
-from recorder.rectify import Rectification
+from recorder.records import SIDES
 
 STAGES: Final = (
     "decode", "rectify", "recognise", "clean", "circles", "match", "triangulate",
 )  # fmt: skip
 _KEY: Final = [("session", pa.string()), ("frame", pa.int32()), ("time_ns", pa.int64())]
-_COUNTED: Final = ("pixels", "pixels_cleaned", "fruit")
+COUNTED: Final = ("pixels", "pixels_cleaned", "fruit")
 _F64: Final = pa.float64()
 GROUP_ROWS: Final = 1 << 16
 _WRITING: Final[dict[str, Any]] = {"write_page_checksum": True}  # else a flipped bit is a number
 _JOINED: Final = "1.0"  # Parquet's version in finished tables, which tells them from rewritten ones
-_AXES: Final = ("xx", "xy", "xz", "yy", "yz", "zz")
+AXES: Final = ("xx", "xy", "xz", "yy", "yz", "zz")
 
 # A row a located apple; null where there is none: an unmatched fruit has no range. Pixels are in
 # the recorded picture, metres in the left camera's optical frame.
@@ -46,7 +42,7 @@ APPLES: Final = pa.schema(
         ("range_std_m", _F64),  # of the centre's distance; 1.96 of it is a 95 % interval
         ("surface_std_m", _F64),
         ("radius_std_m", _F64),
-        *((f"cov_{axes}_m2", _F64) for axes in _AXES),  # of the centre
+        *((f"cov_{axes}_m2", _F64) for axes in AXES),  # of the centre
         *((f"{side}_confidence", _F64) for side in SIDES),
         *((f"{side}_{what}", pa.int32()) for side in SIDES for what in ("inliers", "area_px")),
         *((f"{side}_truth", pa.int64()) for side in SIDES),
@@ -66,7 +62,7 @@ FRAMES: Final = pa.schema(
         ("readings", pa.int32()),
         ("skew_ns", pa.int64()),
         ("conditions", pa.map_(pa.string(), pa.string())),  # lighting, cultivar, ... at that time
-        *((f"{what}_{part}", pa.int64()) for what in _COUNTED for part in ("tp", "fp", "fn")),
+        *((f"{what}_{part}", pa.int64()) for what in COUNTED for part in ("tp", "fp", "fn")),
         *((f"{stage}_ns", pa.int64()) for stage in STAGES),
     ]
 )
@@ -145,118 +141,6 @@ LATER: Final[dict[str, frozenset[str]]] = {
 
 Row = dict[str, Any]
 Rows = dict[str, list[Row]]
-
-
-def rows_of(
-    session: str,
-    pair: StereoPair,
-    trace: Trace,
-    counts: FrameCounts,
-    rectification: Rectification,
-    decode_ns: int,
-) -> Rows:
-    """The rows of one frame, by table; circles are mapped back to recorded pixels here."""
-    key = {"session": session, "frame": pair.index, "time_ns": pair.time_ns}
-    frame = {
-        **key,
-        "left_fruit": len(trace.left.circles.fruit),
-        "right_fruit": len(trace.right.circles.fruit),
-        "matches": len(trace.matching.pairs),
-        "matched": sum(apple.centre_m is not None for apple in trace.apples),
-        "reference_px": trace.matching.reference_px,
-        "readings": len(pair.readings),
-        "skew_ns": pair.right.time_ns - pair.left.time_ns,
-        "conditions": sorted(pair.conditions.items()),
-        "decode_ns": decode_ns,
-        **{f"{stage}_ns": ns for stage, ns in trace.stage_ns.items()},
-    }
-    for what in _COUNTED:
-        frame.update(_count_columns(what, getattr(counts, what)))
-    truth = [
-        {
-            **key,
-            "apple_id": v.apple_id,
-            "distance_m": v.distance_m,
-            "left_visible": v.left_visible,
-            "right_visible": v.right_visible,
-            "found_left": v.found_left,
-            "found_right": v.found_right,
-            "match": v.match,
-            "error_m": v.error_m,
-            "std_m": v.std_m,
-            "truth_point": v.truth_point,
-            **_disc_columns(v, rectification),
-        }
-        for v in counts.apples
-    ]
-    apples = _apple_rows(key, trace, counts, rectification)
-    return {"apples": apples, "frames": [frame], "truth": truth}
-
-
-def _disc_columns(verdict: AppleVerdict, rectification: Rectification) -> Row:
-    columns: Row = {}
-    for side, disc in (("left", verdict.left_disc), ("right", verdict.right_disc)):
-        if disc is not None:
-            view = rectification.left if side == "left" else rectification.right
-            (recorded,) = view.circles_to_recorded(np.array([disc])).tolist()
-            names = (f"{side}_{what}_px" for what in ("x", "y", "radius"))
-            columns.update(zip(names, recorded, strict=True))
-    return columns
-
-
-def _count_columns(what: str, counts: Counts | None) -> Row:
-    if counts is None:
-        return {}
-    return {f"{what}_tp": counts.tp, f"{what}_fp": counts.fp, f"{what}_fn": counts.fn}
-
-
-def _apple_rows(
-    key: Row, trace: Trace, counts: FrameCounts, rectification: Rectification
-) -> list[Row]:
-    circles = {
-        "left": rectification.left.circles_to_recorded(trace.left.circles.as_array()),
-        "right": rectification.right.circles_to_recorded(trace.right.circles.as_array()),
-    }
-    truths = {"left": counts.found_left, "right": counts.found_right}
-    false = {"left": counts.false_left, "right": counts.false_right}
-    fruit: Mapping[str, Circles] = {"left": trace.left.circles, "right": trace.right.circles}
-    costs = {
-        (i, j): cost
-        for (i, j), cost in zip(
-            trace.matching.pairs.tolist(), trace.matching.cost.tolist(), strict=True
-        )
-    }
-    rows = []
-    for number, apple in enumerate(trace.apples):
-        row = {
-            **key,
-            "apple": number,
-            "disparity_px": apple.disparity_px,
-            "radius_m": apple.radius_m,
-            "surface_range_m": apple.surface_range_m,
-            "confidence": apple.confidence,
-            "range_std_m": apple.range_std_m,
-            "surface_std_m": apple.surface_std_m,
-            "radius_std_m": apple.radius_std_m,
-            "match_cost": costs.get((apple.left, apple.right)),
-        }
-        if apple.centre_m is not None:
-            row.update(zip(("x_m", "y_m", "z_m"), apple.centre_m, strict=True))
-        if apple.covariance_m2 is not None:
-            names = (f"cov_{axes}_m2" for axes in _AXES)
-            row.update(zip(names, apple.covariance_m2, strict=True))
-        for side, place in (("left", apple.left), ("right", apple.right)):
-            if place is None:
-                continue
-            x, y, radius = circles[side][place].tolist()
-            row.update({f"{side}_x_px": x, f"{side}_y_px": y, f"{side}_radius_px": radius})
-            row[f"{side}_inliers"] = fruit[side].fruit[place].inliers
-            row[f"{side}_area_px"] = fruit[side].fruit[place].area_px
-            row[f"{side}_confidence"] = fruit[side].fruit[place].confidence
-            row[f"{side}_truth"] = truths[side][place] if truths[side] else None
-            row[f"{side}_false"] = false[side][place] if false[side] else None
-        rows.append(row)
-    return rows
 
 
 def write_tables(folder: Path, rows: Rows) -> None:

@@ -12,7 +12,8 @@ import numpy as np
 from processor.count import FrameCounts, count_frame
 from processor.locate import Locator
 from processor.methods import locator_from, models_of
-from processor.results import Row, read_table, rows_of
+from processor.results import Row, read_table
+from processor.rows import rows_of
 from processor.runs import Run
 from processor.trace import Trace, sensed_of
 from recorder.errors import PomologError

@@ -16,7 +16,7 @@ from processor.rrd_pictures import jpeg, recorded
 from recorder.exposure import OVER_LEVEL
 from recorder.records import SIDES, Frame, FrameTruth, Picture, Side, StereoPair
 from recorder.rectify import Rectification
-from recorder.rig import Rangefinder, Rig
+from recorder.rig import Rangefinder
 from recorder.session import Session
 
 RESAMPLED_QUALITY: Final = 85  # about as many bytes as a camera's own JPEG
@@ -197,13 +197,9 @@ def _about(session: Session, heading: str) -> str:
     lines.append(f"| baseline | {rig.baseline_m * 1000:.1f} mm |")
     lines.append(f"| focal length, left | {rig.left.matrix[0, 0]:.1f} px |")
     lines.append(f"| focal length, right | {rig.right.matrix[0, 0]:.1f} px |")
-    lines.append(f"| rangefinder | {'yes' if _has_beam(rig) else 'none'} |")
+    lines.append(f"| rangefinder | {'none' if rig.rangefinder is None else 'yes'} |")
     lines += [f"| {key} | {_cell(value)} |" for key, value in sorted(said.items())]
     return "\n".join(lines)
-
-
-def _has_beam(rig: Rig) -> bool:
-    return rig.rangefinder is not None
 
 
 def ledger_table(ledger: dict[str, str]) -> str:

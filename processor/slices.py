@@ -23,7 +23,8 @@ from processor.count import count_frame
 from processor.locate import Locator
 from processor.methods import to_toml
 from processor.recordings import join_recordings
-from processor.results import TABLES, Rows, join_tables, read_table, rows_of, write_tables
+from processor.results import TABLES, Rows, join_tables, read_table, write_tables
+from processor.rows import rows_of
 from processor.trace import sensed_of
 from recorder.errors import PomologError
 from recorder.files import replacing

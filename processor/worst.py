@@ -8,11 +8,11 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import Final, Literal
 
 import numpy as np
 
-from processor.results import read_table
+from processor.results import Row, read_table
 from recorder.errors import PomologError
 from recorder.records import SIDES
 
@@ -27,7 +27,6 @@ _SPARE: Final = 10_000  # cases above those asked for that are held before the m
 # a fruit in one view alone sends no arm anywhere
 _ONE_VIEW: Final = 0.5
 
-Row = dict[str, Any]
 Circle = tuple[float, float, float]
 
 

@@ -11,7 +11,8 @@ import pytest
 from processor.columns import meaning
 from processor.count import FrameCounts, count_frame
 from processor.locate import Locator
-from processor.results import APPLES, TABLES, Rows, join_tables, read_table, rows_of, write_tables
+from processor.results import APPLES, TABLES, Rows, join_tables, read_table, write_tables
+from processor.rows import rows_of
 from processor.trace import Trace
 from recorder.errors import PomologError
 from recorder.records import AppleTruth, Frame, FrameTruth, StereoPair

@@ -14,10 +14,10 @@ from processor.results import STAGES, read_table
 from processor.runs import Run, find_runs, score_runs
 from processor.score import Score
 from recorder.records import SIDES
+from recorder.rig import Floats
 
 USUAL: Final = "lighting"  # what the paper's tables are by
 
-Floats = npt.NDArray[np.float64]
 Bools = npt.NDArray[np.bool_]
 Tables = dict[str, Any]
 """One run's tables by name."""

@@ -21,6 +21,7 @@ from recorder.cameras import Shot
 from recorder.errors import PomologError
 from recorder.exposure import OVER_SHARE, UNDER_SHARE, look_at
 from recorder.records import SIDES, Frame
+from recorder.rig import Floats
 from recorder.session import Session
 
 LOOKED_AT: Final = 240  # pairs whose exposure is measured, over all sessions
@@ -28,8 +29,6 @@ LEAST_LOOKED_AT: Final = 4  # of each session
 LONG: Final = 15  # rows of a table that is folded on the screen
 _EPOCH_2000_NS: Final = 946_684_800 * 10**9  # clocks before it were never set
 _SAID: Final = ("lighting", "cultivar", "site", "split", "occlusion", "made_by", "equipment")
-
-Floats = npt.NDArray[np.float64]
 
 
 def distinct(runs: Sequence[Run]) -> tuple[Run, ...]:

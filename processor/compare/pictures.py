@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-import numpy.typing as npt
 
 from processor.compare.sides import Sides
 from processor.measures import COUNTED, MEASURED
@@ -13,8 +12,8 @@ from processor.results import STAGES, read_table
 from processor.runs import Run
 from recorder.errors import PomologError
 from recorder.records import SIDES
+from recorder.rig import Floats
 
-Floats = npt.NDArray[np.float64]
 Row = dict[str, Any]
 
 _COUNTS: Final = tuple(name for name in COUNTED if name.rpartition("_")[2] in ("tp", "fp", "fn"))

@@ -6,12 +6,11 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from processor.trace import Apple
 from recorder.records import RangeReading
+from recorder.rig import Floats
 
-Floats = npt.NDArray[np.float64]
 Belongs = Literal["named", "met", "no located apple", "named apple not located", "no echo"]
 
 
