@@ -119,14 +119,9 @@ class Pool:
             done, _ = wait(self._running, return_when=FIRST_COMPLETED)
             future = done.pop()
             job = self._running.pop(future)
-            try:
-                return self._counted(job, future.result())
-            except BrokenProcessPool:
-                self._suspects.append(job)
-            except PomologError as error:
-                return job, error
-            except Exception as bug:
-                return job, our_bug(job, bug)
+            if found := self._settled(job, future):
+                return found
+            self._suspects.append(job)
         job = self._suspects.popleft()
         if not self._suspects:
             self._pool.shutdown()
@@ -137,17 +132,20 @@ class Pool:
         """Find out whether it was this one, in a process of its own."""
         for _ in range(TRIES_ALONE):
             with processes(1) as pool:
-                try:
-                    return self._counted(job, pool.submit(job).result())
-                except BrokenProcessPool:
-                    continue
-                except PomologError as error:
-                    return job, error
-                except Exception as bug:
-                    return job, our_bug(job, bug)
+                if found := self._settled(job, pool.submit(job)):
+                    return found
         return job, killer(job, "with fewer --workers")
 
-    def _counted(self, job: Job, result: Joined | None) -> tuple[Job, Result]:
+    def _settled(self, job: Job, future: Future[Joined | None]) -> tuple[Job, Result] | None:
+        """A job and what became of it; None: its worker died."""
+        try:
+            result = future.result()
+        except BrokenProcessPool:
+            return None
+        except PomologError as error:
+            return job, error
+        except Exception as bug:
+            return job, our_bug(job, bug)
         self._tick(job.pairs)
         return job, result
 
