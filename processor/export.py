@@ -11,7 +11,7 @@ from processor.results import TABLES, Row, read_table
 from processor.runs import Run
 from recorder.errors import PomologError
 from recorder.exports.coco import APPLE, image_id
-from recorder.files import replacing
+from recorder.files import write_text
 from recorder.imports.shapes import HALF_PX, circle
 from recorder.records import SIDES
 
@@ -51,8 +51,7 @@ def export_results(runs: Sequence[Run], out: Path, table: str = "apples") -> int
         raise PomologError(
             f"{out} ends in none of {', '.join(_WRITERS)}, {COCO_ENDING}; give one of these"
         )
-    with replacing(out) as part:
-        part.write_text(text, encoding="utf-8", newline="")
+    write_text(out, text)
     return count
 
 

@@ -22,7 +22,7 @@ from processor.run_file import RESULTS_PROFILE, read_run, run_text
 from processor.slices import Join, Joined, RrdChoice, Slice, Tick, no_tick, table_digests, versions
 from processor.workers import Job, Result, hire
 from recorder.errors import PomologError
-from recorder.files import only_writer, replacing, writable
+from recorder.files import only_writer, writable, write_text
 from recorder.objects import ObjectPath, Place
 from recorder.rectify import rectify
 from recorder.session import Session
@@ -94,8 +94,9 @@ def replay(
         begun: deque[_Run] = deque()
         try:
             while waiting or begun:
-                while begun and begun[0].outcome is not None:
-                    yield begun.popleft().outcome or PomologError("unreachable")
+                while begun and (outcome := begun[0].outcome) is not None:
+                    begun.popleft()
+                    yield outcome
                 while crew.room > 0 and (job := _next_job(begun, waiting)):
                     crew.submit(job)
                 if any(run.under_way for run in begun):
@@ -222,8 +223,7 @@ class _Run:
         if isinstance(self._out, ObjectPath):
             (self._out / "run.json").write_bytes(text.encode())
         else:
-            with replacing(self._out / "run.json") as part:
-                part.write_text(text)
+            write_text(self._out / "run.json", text)
         _remove(self._parts)
         self.close()
         self.outcome = Replayed(

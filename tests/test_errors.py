@@ -13,7 +13,6 @@ NOW = re.compile(
 # these need not, and why
 NEED_NOT = {
     "closed": "the loop that raises it catches it",
-    "unreachable": "no run that has begun ends without an outcome",
     "--vary {said}: {error}": "passes on an error, which says it",
 }
 
