@@ -18,11 +18,11 @@ import rerun as rr
 import rerun_bindings
 
 from processor.count import FrameCounts
-from processor.palette import ALONE, ESTIMATE, FALSE, HIT, REJECTED
+from processor.palette import ALONE, ESTIMATE, REJECTED
+from processor.rrd_match import draw_match
 from processor.rrd_numbers import draw_charts, draw_numbers
 from processor.rrd_pictures import (
     index_picture,
-    joined_picture,
     known_fruit,
     mask_picture,
     recorded,
@@ -46,7 +46,6 @@ from recorder.session import Session
 
 APPLICATION: Final = "pomolog"
 CONTOUR: Final = (0, 200, 160)
-REFERENCE: Final = (240, 228, 66)
 RINGS_SHOWN: Final = 400  # of each view; more hide what is under them and cost megabytes
 FAR_M: Final = 10.0  # places beyond are wrong matches; one of them would shrink all the rest
 # a chunk costs 2 KB beside what is in it, and a frame has forty; so several frames share one
@@ -130,25 +129,24 @@ class RrdWriter:
         self._draw_pair(pair, {side: trace.view(side).picture for side in SIDES})
         for side in SIDES:
             self._draw_view(side, pair, trace)
-        self._draw_match(trace, counts)
+        draw_match(self._rec, trace, counts)
         self._draw_apples(trace)
         draw_numbers(self._rec, self._rig, pair, trace, counts, decode_ns)
 
     def write_pair(self, pair: StereoPair) -> None:
         """Draw one frame in which nobody has looked for fruit yet."""
-        frames = {"left": pair.left, "right": pair.right}
-        shot = {side: decode(frames[side]) for side in SIDES}
+        shot = {side: decode(pair.frame(side)) for side in SIDES}
         pictures = {side: self._rectification.view(side).picture(shot[side]) for side in SIDES}
         self._draw_pair(pair, pictures)
         for side in SIDES:  # with pixels of its own, so it stands beside the camera
             if self._rectification.view(side).maps is not None:
-                self._rec.log(f"recorded/{side}", recorded(frames[side], shot[side]))
+                self._rec.log(f"recorded/{side}", recorded(pair.frame(side), shot[side]))
 
     def _draw_pair(self, pair: StereoPair, pictures: dict[Side, Any]) -> None:
         draw_moment(self._rec, pair.index, pair.time_ns, self._first_ns)
-        for side, frame in zip(SIDES, (pair.left, pair.right), strict=True):
+        for side in SIDES:
             resampled = self._rectification.view(side).maps is not None
-            draw_picture(self._rec, side, frame, pictures[side], resampled=resampled)
+            draw_picture(self._rec, side, pair.frame(side), pictures[side], resampled=resampled)
         draw_exposure(self._rec, pictures)
         draw_truth(self._rec, pair.truth, self._rectification)
         if self._rig.rangefinder is not None:
@@ -205,54 +203,6 @@ class RrdWriter:
                 show_labels=True,
             ),
         )
-        if side == "left":
-            line = trace.matching.reference_px
-            height = trace.left.picture.shape[0]
-            strips = [] if line is None else [[(line, 0), (line, height)]]
-            self._rec.log("world/left/reference_line", rr.LineStrips2D(strips, colors=REFERENCE))
-
-    def _draw_match(self, trace: Trace, counts: FrameCounts) -> None:
-        matching = trace.matching
-        if matching.correlation.size:
-            left, right = matching.projections.astype(np.uint16)  # pixels of a column
-            self._rec.log("match/projection/left", rr.BarChart(left, color=ESTIMATE))
-            self._rec.log("match/projection/right", rr.BarChart(right, color=ALONE))
-            shifts = matching.correlation.astype(np.float32)
-            self._rec.log("match/correlation", rr.BarChart(shifts, color=REFERENCE))
-        picture, share = joined_picture(trace.left.picture, trace.right.picture)
-        self._rec.log("match/views", picture)
-        beside = np.array([round(trace.left.picture.shape[1] * share), 0.0])
-        lefts = trace.left.circles.as_array() * share
-        rights = trace.right.circles.as_array() * share + (*beside, 0.0)
-        pairs = matching.pairs.tolist()
-        verdicts = [_verdict(i, j, counts) for i, j in pairs]
-        self._rec.log(
-            "match/lines",
-            rr.LineStrips2D(
-                [[lefts[i, :2], rights[j, :2]] for i, j in pairs],
-                colors=[colour for colour, _ in verdicts],
-                labels=[
-                    f"{words}, cost {cost:.3g}"
-                    for (_, words), cost in zip(verdicts, matching.cost.tolist(), strict=True)
-                ],
-                show_labels=False,
-                radii=-0.8,
-            ),
-        )
-        used = [{pair[view] for pair in pairs} for view in range(2)]
-        rings = np.vstack([lefts, rights])
-        partnered = [i in used[0] for i in range(len(lefts))]
-        partnered += [j in used[1] for j in range(len(rights))]
-        self._rec.log(
-            "match/circles",
-            rr.Ellipses2D(
-                centers=rings[:, :2],
-                half_sizes=rings[:, [2, 2]],
-                colors=[ESTIMATE if one else ALONE for one in partnered],
-                line_radii=-0.8,
-            ),
-        )
-        self._rec.log("match/table", _match_table(trace, verdicts))
 
     def _draw_apples(self, trace: Trace) -> None:
         placed = [
@@ -271,32 +221,6 @@ class RrdWriter:
                 fill_mode="solid",
             ),
         )
-
-
-def _verdict(i: int, j: int, counts: FrameCounts) -> tuple[tuple[int, int, int], str]:
-    """The colour of a match and what it is; without truth only that it is one."""
-    if not counts.found_left or not counts.found_right:
-        return ESTIMATE, "match"
-    ids = counts.found_left[i], counts.found_right[j]
-    if ids == (None, None):
-        return (FALSE, "no apple") if counts.false_left[i : i + 1] == (True,) else (REJECTED, "?")
-    if ids[0] == ids[1]:
-        return HIT, f"right, apple {ids[0]}"
-    named = ("none" if one is None else str(one) for one in ids)
-    return FALSE, f"wrong, apples {' and '.join(named)}"
-
-
-def _match_table(trace: Trace, verdicts: list[tuple[tuple[int, int, int], str]]) -> Any:
-    lines = ["| apple | cost | disparity | verdict |", "|--:|--:|--:|---|"]
-    number_of = {(a.left, a.right): n for n, a in enumerate(trace.apples)}
-    for (i, j), cost, (_, words) in zip(
-        trace.matching.pairs.tolist(), trace.matching.cost.tolist(), verdicts, strict=True
-    ):
-        number = number_of.get((i, j))
-        shift = None if number is None else trace.apples[number].disparity_px
-        shown = "" if shift is None else f"{shift:.1f} px"
-        lines.append(f"| {'' if number is None else number} | {cost:.3g} | {shown} | {words} |")
-    return rr.TextDocument("\n".join(lines), media_type=rr.MediaType.MARKDOWN)
 
 
 def _thinned(contour_px: npt.NDArray[np.int32]) -> npt.NDArray[np.int32]:

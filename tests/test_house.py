@@ -32,6 +32,7 @@ KEEPERS = {
     "mcap_protobuf": {"recorder.message_writer"},
     "rerun": {
         "processor.rrd",
+        "processor.rrd_match",
         "processor.rrd_numbers",
         "processor.rrd_pictures",
         "processor.rrd_session",
