@@ -11,11 +11,11 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
-import cv2
 import numpy as np
 
 from processor.ranging import OutlineRange, RangeModel
 from processor.trace import Apple, Beam, Circles, Floats, Fruit, Matching, Sensed, ViewTrace
+from recorder.optics import to_rays
 from recorder.records import Depth
 from recorder.rectify import Rectification
 
@@ -211,12 +211,7 @@ def depths_on(
         known = inside[np.isfinite(inside)]
         if len(known) < max(LEAST_DEPTHS, len(inside) / 2):
             continue
-        at = np.array([[[x, y]]])
-        if camera.lens == "kannala_brandt":
-            flat = cv2.fisheye.undistortPoints(at, camera.matrix, camera.distortion)
-        else:
-            flat = cv2.undistortPoints(at, camera.matrix, camera.distortion)
-        ray = np.append(flat.ravel(), 1.0)
+        ray = to_rays(camera, np.array([[x, y]]))[0]
         slant = float(np.linalg.norm(ray))
         yield place, Beam(np.zeros(3), ray / slant, float(np.median(known)) * slant, std_m)
 
