@@ -16,7 +16,15 @@ from scipy.optimize import linear_sum_assignment
 
 from processor.discs import LEAST_VISIBLE, Discs, disc_iou, true_discs
 from processor.trace import Apple, Circles, Fruit, Mask, Trace
-from recorder.records import SIDES, UNCOUNTED, FrameTruth, Labels, Side, TruthPoint
+from recorder.records import (
+    SIDES,
+    UNCOUNTED,
+    AppleTruth,
+    FrameTruth,
+    Labels,
+    Side,
+    TruthPoint,
+)
 from recorder.rectify import Rectification
 
 LEAST_IOU = 0.5
@@ -116,7 +124,8 @@ class FrameCounter:
         self._last: dict[tuple[str, Side], tuple[Mask, Counts]] = {}
         if truth is None:
             return
-        for side, picture in zip(SIDES, (truth.left, truth.right), strict=True):
+        for side in SIDES:
+            picture = truth.labels(side)
             if picture is not None:
                 self._labels[side] = rectification.view(side).labels(picture)
         for side in SIDES:
@@ -231,9 +240,9 @@ def _verdicts(
         if all(v < LEAST_VISIBLE for v in visible):
             continue
         must_match = not any(v < LEAST_VISIBLE_TO_MATCH for v in visible)
-        located = right_of.get(apple_id)
+        located, true = right_of.get(apple_id), known.get(apple_id)
         match: Verdict = "right" if located else "wrong" if apple_id in wrong else "missed"
-        true = known.get(apple_id)
+        error_m, std_m = (None, None) if not (located and true) else _error(located, true)
         verdicts.append(
             AppleVerdict(
                 apple_id=apple_id,
@@ -243,12 +252,8 @@ def _verdicts(
                 found_left=apple_id in hit["left"],
                 found_right=apple_id in hit["right"],
                 match=match if must_match else None,
-                error_m=None
-                if true is None or located is None
-                else _distance_m(located, true.truth_point) - true.distance_m,
-                std_m=None
-                if true is None or located is None
-                else _std_m(located, true.truth_point),
+                error_m=error_m,
+                std_m=std_m,
                 truth_point=None if true is None else true.truth_point,
                 left_disc=_disc(there["left"].get(apple_id)),
                 right_disc=_disc(there["right"].get(apple_id)),
@@ -286,14 +291,13 @@ def _matched(
     return right_of, wrong
 
 
-def _std_m(apple: Apple, truth_point: str) -> float | None:
-    return apple.range_std_m if truth_point == "centre" else apple.surface_std_m
-
-
-def _distance_m(apple: Apple, truth_point: str) -> float:
+def _error(apple: Apple, true: AppleTruth) -> tuple[float, float | None]:
+    """Estimated minus true distance to the declared truth point, and what is said of it."""
     assert apple.centre_m is not None
     assert apple.surface_range_m is not None
-    return math.hypot(*apple.centre_m) if truth_point == "centre" else apple.surface_range_m
+    if true.truth_point == "surface":
+        return apple.surface_range_m - true.distance_m, apple.surface_std_m
+    return math.hypot(*apple.centre_m) - true.distance_m, apple.range_std_m
 
 
 def _sum(counts: Iterable[Counts]) -> Counts | None:

@@ -56,8 +56,7 @@ def detection(counts: Iterable[tuple[int, int | None, int]]) -> Detection | None
     if not listed:
         return None
     tp, fn = sum(c[0] for c in listed), sum(c[2] for c in listed)
-    known = [c[1] for c in listed if c[1] is not None]
-    fp = sum(known) if len(known) == len(listed) else None
+    fp = _known_sum([c[1] for c in listed])
     everything = None if fp is None else tp + fp + fn
     return Detection(
         tp=tp,
@@ -71,6 +70,12 @@ def detection(counts: Iterable[tuple[int, int | None, int]]) -> Detection | None
         f1=_share(2 * tp, None if everything is None else everything + tp),
         iou=_share(tp, everything),
     )
+
+
+def _known_sum(counts: Sequence[int | None]) -> int | None:
+    """A sum of which no part may be unknown."""
+    known = [count for count in counts if count is not None]
+    return sum(known) if len(known) == len(counts) else None
 
 
 def _share(part: int | None, whole: int | None) -> float | None:
@@ -244,8 +249,7 @@ def _found_of(
     counted = [f.fruit for f in frames if f.fruit is not None]
     if not hits or not counted:
         return None
-    known = [c[1] for c in counted if c[1] is not None]
-    fp = sum(known) if len(known) == len(counted) else None
+    fp = _known_sum([c[1] for c in counted])
     return detection([(sum(hits), fp, len(hits) - sum(hits))])
 
 
