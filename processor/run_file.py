@@ -27,6 +27,22 @@ class _Session(BaseModel):
     ledger: dict[str, str] = {}
 
 
+class _Stage(BaseModel):
+    """The same of one of the locator's stages."""
+
+    model_config = ConfigDict(extra="allow", strict=True)
+
+    use: str
+
+
+class _Versions(BaseModel):
+    """The same of what the results depend on beside session and method."""
+
+    model_config = ConfigDict(extra="allow", strict=True)
+
+    source: str
+
+
 class _About(BaseModel):
     """The same of the whole file."""
 
@@ -34,8 +50,11 @@ class _About(BaseModel):
 
     profile: str
     method: str
+    locator: dict[str, _Stage]
+    models: dict[str, str] = {}
     seed: int
     session: _Session
+    versions: _Versions
     tables: dict[str, str] = {}
 
 
