@@ -50,6 +50,11 @@ MEANINGS: Final[dict[str, str]] = {
 }
 
 
+def circle_columns(side: str) -> tuple[str, str, str]:
+    """The columns of a view's circle: x, y and radius in recorded pixels."""
+    return f"{side}_x_px", f"{side}_y_px", f"{side}_radius_px"
+
+
 def meaning(column: str) -> str | None:
     """What a column means, by its name or by the pattern that it follows."""
     if column in MEANINGS:

@@ -4,13 +4,14 @@ from typing import Final
 
 import numpy as np
 
-from processor.count import AppleVerdict, Counts, FrameCounts
+from processor.columns import circle_columns
+from processor.count import Counts, FrameCounts
 from processor.results import AXES, COUNTED, Row, Rows
 from processor.trace import Trace
+from processor.verdicts import AppleVerdict
 from recorder.records import SIDES, StereoPair
 from recorder.rectify import Rectification
 
-_CIRCLE: Final = ("x", "y", "radius")
 # what a verdict, an apple and a circle call as their columns do
 _OF_VERDICT: Final = (
     "apple_id", "distance_m", "left_visible", "right_visible", "found_left", "found_right",
@@ -71,12 +72,8 @@ def _disc_columns(verdict: AppleVerdict, rectification: Rectification) -> Row:
     for side, disc in zip(SIDES, (verdict.left_disc, verdict.right_disc), strict=True):
         if disc is not None:
             recorded = rectification.view(side).circles_to_recorded(np.array([disc]))
-            columns |= _circle_columns(side, recorded[0].tolist())
+            columns |= zip(circle_columns(side), recorded[0].tolist(), strict=True)
     return columns
-
-
-def _circle_columns(side: str, circle: list[float]) -> Row:
-    return {f"{side}_{what}_px": v for what, v in zip(_CIRCLE, circle, strict=True)}
 
 
 def _apple_rows(
@@ -104,7 +101,7 @@ def _apple_rows(
             if place is None:
                 continue
             fruit = circles.fruit[place]
-            row.update(_circle_columns(side, recorded[place]))
+            row.update(zip(circle_columns(side), recorded[place], strict=True))
             row.update({f"{side}_{name}": getattr(fruit, name) for name in _OF_FRUIT})
             row[f"{side}_truth"] = found[place] if found else None
             row[f"{side}_false"] = false[place] if false else None

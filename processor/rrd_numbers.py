@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 import rerun as rr
 
-from processor.count import AppleVerdict, FrameCounts
+from processor.count import FrameCounts
 from processor.experiments.beam import Comparison, compare
 from processor.palette import (
     ESTIMATE,
@@ -24,6 +24,7 @@ from processor.palette import (
     Colour,
 )
 from processor.trace import Trace
+from processor.verdicts import AppleVerdict
 from recorder.records import StereoPair
 from recorder.rig import Rig
 

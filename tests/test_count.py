@@ -6,9 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from processor.count import AppleVerdict, Counts, FrameCounts, count_frame, count_pixels
+from processor.count import Counts, FrameCounts, count_frame, count_pixels
 from processor.discs import disc_iou
 from processor.trace import Apple, Fruit, Mask, Trace
+from processor.verdicts import AppleVerdict
 from recorder.records import UNCOUNTED, AppleTruth, FrameTruth, Labels, Outline, TruthPoint
 from recorder.rectify import rectify
 from tests.scenes import apple, disc_mask, draw, fruit, matching, small_rig, view
