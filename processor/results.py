@@ -8,7 +8,7 @@ from typing import Any, Final
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from processor.columns import meaning
+from processor.columns import circle_columns, meaning
 from processor.run_file import read_run
 from recorder.errors import PomologError
 from recorder.files import replacing
@@ -31,7 +31,7 @@ APPLES: Final = pa.schema(
     [
         *_KEY,
         ("apple", pa.int32()),
-        *((f"{side}_{what}_px", _F64) for side in SIDES for what in ("x", "y", "radius")),
+        *((name, _F64) for side in SIDES for name in circle_columns(side)),
         ("disparity_px", _F64),
         ("x_m", _F64),
         ("y_m", _F64),
@@ -80,7 +80,7 @@ TRUTH: Final = pa.schema(
         ("error_m", _F64),
         ("std_m", _F64),
         ("truth_point", pa.string()),  # what distance_m leads to: "centre" or "surface"
-        *((f"{side}_{what}_px", _F64) for side in SIDES for what in ("x", "y", "radius")),
+        *((name, _F64) for side in SIDES for name in circle_columns(side)),
     ]
 )
 # A row a fruit that one run gained, lost or moved against another (`compare --fruit`).
@@ -134,9 +134,7 @@ TABLES: Final[dict[str, pa.Schema]] = {
 LATER: Final[dict[str, frozenset[str]]] = {
     "apples": frozenset(f"{side}_false" for side in SIDES),
     "frames": frozenset(),
-    "truth": frozenset((
-        "truth_point", *(f"{side}_{what}_px" for side in SIDES for what in ("x", "y", "radius")),
-    )),
+    "truth": frozenset(("truth_point", *circle_columns("left"), *circle_columns("right"))),
 }  # fmt: skip
 
 Row = dict[str, Any]

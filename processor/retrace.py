@@ -9,6 +9,7 @@ from typing import Any
 import cv2
 import numpy as np
 
+from processor.columns import circle_columns
 from processor.count import FrameCounts, count_frame
 from processor.locate import Locator
 from processor.methods import locator_from, models_of
@@ -135,7 +136,7 @@ def rows_of_frame(folder: Path, table: str, frame: int) -> tuple[Row, ...]:
 
 
 def _same(told: tuple[Row, ...], found: list[Row]) -> bool:
-    names = [f"{side}_{what}_px" for side in ("left", "right") for what in ("x", "y", "radius")]
+    names = (*circle_columns("left"), *circle_columns("right"))
     return len(told) == len(found) and all(
         _close(before.get(name), now.get(name))
         for before, now in zip(told, found, strict=True)

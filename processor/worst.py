@@ -12,6 +12,7 @@ from typing import Final, Literal
 
 import numpy as np
 
+from processor.columns import circle_columns
 from processor.results import Row, read_table
 from recorder.errors import PomologError
 from recorder.records import SIDES
@@ -247,10 +248,8 @@ def _case(
     error_m: float | None = None,
 ) -> WorstCase:
     left, right = (
-        None
-        if row[f"{side}_x_px"] is None
-        else (row[f"{side}_x_px"], row[f"{side}_y_px"], row[f"{side}_radius_px"])
-        for side in SIDES
+        None if row[x] is None else (row[x], row[y], row[radius])
+        for x, y, radius in map(circle_columns, SIDES)
     )
     return WorstCase(
         folder, row["session"], row["frame"], row["time_ns"], kind, apple, apple_id,

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from math import hypot
 from typing import Final
 
+from processor.columns import circle_columns
 from processor.page_parts import shown
 from processor.palette import Colour
 from processor.results import Row
@@ -38,7 +39,7 @@ def _number(name: str, digits: int, scale: float = 1.0) -> Callable[[Row], str]:
 
 def _circle(side: str) -> Callable[[Row], str]:
     def cell(row: Row) -> str:
-        parts = [row[f"{side}_{what}_px"] for what in ("x", "y", "radius")]
+        parts = [row[name] for name in circle_columns(side)]
         return DASH if parts[0] is None else "{:.1f}, {:.1f}, {:.1f}".format(*parts)
 
     return cell

@@ -6,6 +6,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import Final
 
+from processor.columns import circle_columns
 from processor.palette import ALONE, ESTIMATE, TRUTH, Colour
 from processor.results import Row
 from processor.retrace import rows_of_frame, session_of
@@ -118,7 +119,7 @@ def _outlines(side: Side, case: WorstCase, rows: Mapping[str, Sequence[Row]]) ->
 
 
 def _circle(row: Row, side: Side) -> Circle | None:
-    x, y, radius = (row[f"{side}_{what}_px"] for what in ("x", "y", "radius"))
+    x, y, radius = (row[name] for name in circle_columns(side))
     return None if x is None else (x, y, radius)
 
 

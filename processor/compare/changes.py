@@ -12,10 +12,12 @@ from typing import Final, Literal
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from processor.compare.pictures import Results, Row, places_of, tally
+from processor.columns import circle_columns
+from processor.compare.pictures import Results, places_of, tally
 from processor.count import LEAST_IOU
 from processor.discs import disc_iou
 from processor.measures import Floats
+from processor.results import Row
 from recorder.records import SIDES
 
 What = Literal["gained", "lost", "moved"]
@@ -174,7 +176,7 @@ def paired_apples(first: Sequence[Row], second: Sequence[Row]) -> list[tuple[int
 
 
 def _circles(rows: Sequence[Row], side: str) -> Floats:
-    names = [f"{side}_{what}_px" for what in ("x", "y", "radius")]
+    names = circle_columns(side)
     return np.array([[row[name] for name in names] for row in rows], float).reshape(-1, 3)
 
 

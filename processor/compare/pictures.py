@@ -2,19 +2,17 @@
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
+from processor.columns import circle_columns
 from processor.compare.sides import Sides
 from processor.measures import COUNTED, MEASURED
-from processor.results import STAGES, read_table
+from processor.results import STAGES, Row, read_table
 from processor.runs import Run
 from recorder.errors import PomologError
-from recorder.records import SIDES
 from recorder.rig import Floats
-
-Row = dict[str, Any]
 
 _COUNTS: Final = tuple(name for name in COUNTED if name.rpartition("_")[2] in ("tp", "fp", "fn"))
 
@@ -24,7 +22,7 @@ _READ: Final = {
                *(f"{stage}_ns" for stage in STAGES)],
     "truth": ["frame", "apple_id", "found_left", "found_right", "match", "error_m"],
     "apples": ["frame", "left_truth", "right_truth", "x_m", "y_m", "z_m",
-               *(f"{side}_{what}_px" for side in SIDES for what in ("x", "y", "radius"))],
+               *circle_columns("left"), *circle_columns("right")],
 }  # fmt: skip
 
 
