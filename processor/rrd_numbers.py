@@ -10,8 +10,8 @@ from typing import Final
 import numpy as np
 import rerun as rr
 
+from processor.beam import Comparison, compare
 from processor.count import FrameCounts
-from processor.experiments.beam import Comparison, compare
 from processor.palette import (
     ESTIMATE,
     FALSE,

@@ -6,8 +6,8 @@ from typing import Final
 
 import numpy as np
 
+from processor.beam import compare, front_range_m
 from processor.count import FrameCounts, count_frame
-from processor.experiments.beam import compare, front_range_m
 from processor.experiments.matching import locate
 from processor.experiments.work import Row, Sample
 from processor.trace import Trace

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from processor.experiments.beam import compare, front_range_m
+from processor.beam import compare, front_range_m
 from processor.trace import Apple
 from recorder.records import RangeReading
 

@@ -35,11 +35,8 @@ class Comparison:
     @property
     def error_m(self) -> float | None:
         """Predicted minus read; None where there is nothing to compare."""
-        return None if None in (self.front_m, self.reading_m) else self._error_m()
-
-    def _error_m(self) -> float:
-        assert self.front_m is not None
-        assert self.reading_m is not None
+        if self.front_m is None or self.reading_m is None:
+            return None
         return self.front_m - self.reading_m
 
 
