@@ -14,7 +14,7 @@ from processor.experiments.causes import CAUSES
 from processor.experiments.material import find_material, sample
 from processor.experiments.paper import ITEMS, Made, chosen_items, make_paper, pairs_to_look_at
 from processor.experiments.segmentation import picture_hits
-from processor.experiments.work import source_digest
+from processor.experiments.work import key_of
 from processor.page_parts import shown
 from recorder.errors import PomologError
 from tests.orchard_sets import hung, row_of, write_set, write_sets
@@ -214,8 +214,11 @@ def test_a_sample_is_even_and_keeps_together_what_belongs_together(
     assert sample(count, fraction, together) == expected
 
 
-def test_the_key_of_what_is_kept_holds_this_programs_source() -> None:
-    assert len(source_digest()) == 64
+def test_what_is_kept_is_of_one_version_of_this_program(monkeypatch: pytest.MonkeyPatch) -> None:
+    before = key_of("rounds", (0, 1))
+    assert key_of("rounds", (0, 1)) == before != key_of("rounds", (0, 2))
+    monkeypatch.setattr("processor.experiments.work.versions", lambda: (("source", "changed"),))
+    assert key_of("rounds", (0, 1)) != before
 
 
 @pytest.mark.parametrize(

@@ -27,7 +27,7 @@ from processor.experiments.segmentation_pictures import figure_5
 from processor.experiments.store import read_items, write_items
 from processor.experiments.work import Bench, Tick, key_of, open_bench
 from recorder.errors import PomologError
-from recorder.files import replacing, writable
+from recorder.files import writable, write_text
 
 Generator = np.random.Generator
 
@@ -221,6 +221,5 @@ def make_paper(
     texts = {"paper.json": document, "paper.md": as_markdown(items)}
     texts["paper.html"] = page(items, about, out)
     for name, text in texts.items():
-        with replacing(out / name) as part:
-            part.write_text(text, encoding="utf-8")
+        write_text(out / name, text)
     return Made(items, document)

@@ -9,7 +9,7 @@ from typing import Any
 from processor.experiments.item import Item, item_from_json
 from processor.page_parts import Table, is_number, shown
 from processor.results import write_table
-from recorder.files import replacing
+from recorder.files import replacing, write_text
 
 
 def write_items(out: Path, name: str, key: str, items: Sequence[Item]) -> tuple[Item, ...]:
@@ -21,14 +21,12 @@ def write_items(out: Path, name: str, key: str, items: Sequence[Item]) -> tuple[
     for item in items:
         for table in item.tables:
             write_rows(out / "tables" / f"{table.name}.parquet", table)
-            with replacing(out / "tables" / f"{table.name}.md") as part:
-                part.write_text(markdown(table), encoding="utf-8")
+            write_text(out / "tables" / f"{table.name}.md", markdown(table))
         for figure in item.figures:
             with replacing(figure_path(out, figure.name)) as part:
                 part.write_bytes(figure.png)
     record = {"key": key, "items": [item.as_json() for item in items]}
-    with replacing(out / "kept" / f"{name}.json") as part:
-        part.write_text(json.dumps(record), encoding="utf-8")
+    write_text(out / "kept" / f"{name}.json", json.dumps(record))
     return tuple(
         replace(item, figures=tuple(replace(figure, png=b"") for figure in item.figures))
         for item in items

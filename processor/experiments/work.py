@@ -12,7 +12,6 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 from typing import Any, Final, cast
 
@@ -20,8 +19,9 @@ import cv2
 
 from processor.experiments.material import Source
 from processor.pool import processes
+from processor.slices import versions
 from recorder.errors import PomologError
-from recorder.files import replacing
+from recorder.files import write_text
 from recorder.pictures import decode
 from recorder.records import Labels, Picture, Side, StereoPair
 from recorder.rectify import Rectification, rectify
@@ -186,25 +186,12 @@ def _run(job: _Job) -> None:
             **one.settings,
         }
         rows += [{**about, **row} for row in job.measure(one)]
-    with replacing(job.out) as part:
-        part.write_text(json.dumps(rows), encoding="utf-8")
-
-
-@cache
-def source_digest() -> str:
-    """A hash of the source that measurements depend on: another one measures again."""
-    root = Path(__file__).parents[2]
-    whole = hashlib.sha256(cv2.__version__.encode())
-    for package in ("processor", "recorder"):
-        for path in sorted((root / package).rglob("*.py")):
-            if path.name != "cli.py" and "orchard" not in path.parts:
-                whole.update(path.read_bytes())
-    return whole.hexdigest()
+    write_text(job.out, json.dumps(rows))
 
 
 def key_of(*parts: object) -> str:
-    """A short hash of what a result depends on, this program's source among it."""
-    text = json.dumps([source_digest(), *map(repr, parts)])
+    """A short hash of what a result depends on, this program's source and libraries among it."""
+    text = json.dumps([versions(), *map(repr, parts)])
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
