@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from benchmarks.colours import histogram_row, summary
 from recorder.cli import app
 from recorder.errors import PomologError
 from recorder.orchard import engine
 from recorder.orchard.apple import NEAR_GRID, Apple, grow_apple
 from recorder.orchard.camera import pixel_slopes, rig_pose
-from recorder.orchard.colours import histogram_row, summary
 from recorder.orchard.scene import SETS_FOLDER, Scene, Shot, load_scene, shots
 from recorder.orchard.sensor import CameraSetting, encode_picture, metered_gain, take_picture
 from recorder.orchard.simulate import look_key
