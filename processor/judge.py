@@ -45,6 +45,11 @@ def judge(apples: Sequence[Row], truth: Sequence[Row]) -> Iterator[tuple[int, st
                 yield frame, "matches", _judged(row["confidence"], verdict)
 
 
+def own_apple(row: Row) -> int | None:
+    """The true apple that both circles of a located one find; None where there is none."""
+    return row["left_truth"] if row["left_truth"] == row["right_truth"] else None
+
+
 def _judged(confidence: float | None, verdict: str) -> Judged | None:
     if confidence is None or verdict == "unknown":
         return None

@@ -36,6 +36,7 @@ from processor.rrd_session import (
     draw_rig,
     draw_session,
     draw_truth,
+    markdown,
 )
 from processor.trace import Circles, Trace
 from recorder.pictures import decode
@@ -121,8 +122,7 @@ class RrdWriter:
         """
         draw_session(self._rec, session, heading)
         if method:
-            text = rr.TextDocument(f"```\n{method}\n```", media_type=rr.MediaType.MARKDOWN)
-            self._rec.log("method", text, static=True)
+            self._rec.log("method", markdown(f"```\n{method}\n```"), static=True)
 
     def write(self, pair: StereoPair, trace: Trace, counts: FrameCounts, decode_ns: int) -> None:
         """Draw one frame with all that was found in it."""

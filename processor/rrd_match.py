@@ -8,6 +8,7 @@ import rerun as rr
 from processor.count import FrameCounts
 from processor.palette import ALONE, ESTIMATE, FALSE, HIT, REJECTED
 from processor.rrd_pictures import joined_picture
+from processor.rrd_session import markdown
 from processor.trace import Trace
 
 REFERENCE: Final = (240, 228, 66)
@@ -84,4 +85,4 @@ def _table(trace: Trace, verdicts: list[tuple[tuple[int, int, int], str]]) -> An
         shift = None if number is None else trace.apples[number].disparity_px
         shown = "" if shift is None else f"{shift:.1f} px"
         lines.append(f"| {'' if number is None else number} | {cost:.3g} | {shown} | {words} |")
-    return rr.TextDocument("\n".join(lines), media_type=rr.MediaType.MARKDOWN)
+    return markdown("\n".join(lines))

@@ -23,6 +23,7 @@ from processor.palette import (
     VERDICTS,
     Colour,
 )
+from processor.rrd_session import markdown
 from processor.trace import Trace
 from processor.verdicts import AppleVerdict
 from recorder.records import StereoPair
@@ -92,8 +93,7 @@ def draw_numbers(
     """All numbers of one frame."""
     readings = _readings(rig, pair, trace, counts)
     _draw_errors(rec, counts, readings)
-    table = apple_table(pair, trace, counts, readings)
-    rec.log("range/table", rr.TextDocument(table, media_type=rr.MediaType.MARKDOWN))
+    rec.log("range/table", markdown(apple_table(pair, trace, counts, readings)))
     spent_ns = {"decode": decode_ns, **trace.stage_ns}
     curves: dict[str, Sequence[float]] = {
         "time_ms": [spent_ns.get(stage, 0) / 1e6 for stage in STAGES],

@@ -38,6 +38,11 @@ LEGEND: Final = """\
 """
 
 
+def markdown(text: str) -> Any:
+    """Text to be shown as Markdown."""
+    return rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN)
+
+
 def draw_rig(rec: rr.RecordingStream, rectification: Rectification) -> None:
     """The two rectified cameras, where they stand."""
     rec.log("world", rr.ViewCoordinates.RDF, static=True)
@@ -154,9 +159,9 @@ def draw_session(rec: rr.RecordingStream, session: Session, heading: str) -> Non
         session: to be told.
         heading: one line in markdown of what is shown of it.
     """
-    rec.log("about", _markdown(_about(session, heading)), static=True)
-    rec.log("legend", _markdown(LEGEND), static=True)
-    rec.log("health/ledger", _markdown(ledger_table(session.ledger)), static=True)
+    rec.log("about", markdown(_about(session, heading)), static=True)
+    rec.log("legend", markdown(LEGEND), static=True)
+    rec.log("health/ledger", markdown(ledger_table(session.ledger)), static=True)
     times_ns = session.pair_times_ns()[:, 0]
     first_ns = int(times_ns[0]) if len(times_ns) else 0
 
@@ -219,7 +224,3 @@ def ledger_table(ledger: dict[str, str]) -> str:
 
 def _cell(text: str) -> str:
     return text.replace("|", "/").replace("\n", " ")[:200]
-
-
-def _markdown(text: str) -> Any:
-    return rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN)

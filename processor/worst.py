@@ -13,6 +13,7 @@ from typing import Final, Literal
 import numpy as np
 
 from processor.columns import circle_columns
+from processor.judge import own_apple
 from processor.results import Row, read_table
 from recorder.errors import PomologError
 from recorder.records import SIDES
@@ -136,16 +137,11 @@ def _cases_in(folder: Path, located: list[Row], known: dict[int, Row]) -> Iterat
     for row in located:
         yield from _false(folder, row)
         yield from _wrong_match(folder, row, known)
-    place_of = {r["left_truth"]: r for r in located if _is_own(r)}
+    place_of = {own_apple(r): r for r in located if own_apple(r) is not None}
     for apple_id, row in known.items():
         yield from _missed(folder, row)
         if row["error_m"] is not None:
             yield _range(folder, row, place_of[apple_id])
-
-
-def _is_own(row: Row) -> bool:
-    """Whether both circles of a located apple are of one true apple."""
-    return row["left_truth"] is not None and row["left_truth"] == row["right_truth"]
 
 
 def _missed(folder: Path, row: Row) -> Iterator[WorstCase]:
@@ -191,7 +187,7 @@ def _false(folder: Path, row: Row) -> Iterator[WorstCase]:
 
 
 def _wrong_match(folder: Path, row: Row, known: dict[int, Row]) -> Iterator[WorstCase]:
-    if any(row[f"{side}_x_px"] is None for side in SIDES) or _is_own(row):
+    if any(row[f"{side}_x_px"] is None for side in SIDES) or own_apple(row) is not None:
         return
     ids = {side: row[f"{side}_truth"] for side in SIDES}
     named = [known[i] for i in ids.values() if i in known]

@@ -6,19 +6,18 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import Final, Literal
 
 import numpy as np
 
 from processor.compare.changes import MOVED_M, paired_apples
-from processor.results import read_table
+from processor.judge import own_apple
+from processor.results import Row, read_table
 from recorder.records import SIDES
 
 NO_APPLE: Final = "where no apple is"
 WRONG_MATCH: Final = "a wrong match"
 ChangeKind = Literal["gained", "lost", "moved"]
-
-Row = dict[str, Any]
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,21 +82,17 @@ def _of_frame(
     partners = dict(paired_apples(old, new))
     for i, row in enumerate(old):
         if i not in partners:
-            yield Change(
-                frame, "lost", row["apple"], None, _id(row), None, _mistake(row), _named(row)
-            )
+            yield _alone(frame, "lost", row["apple"], None, row)
     taken = set(partners.values())
     for j, row in enumerate(new):
         if j not in taken:
-            yield Change(
-                frame, "gained", None, row["apple"], _id(row), None, _mistake(row), _named(row)
-            )
+            yield _alone(frame, "gained", None, row["apple"], row)
     for i, j in partners.items():
         places = [np.array([row["x_m"], row["y_m"], row["z_m"]]) for row in (old[i], new[j])]
         moved_m = float(np.linalg.norm(places[1] - places[0]))
         if moved_m < MOVED_M:
             continue
-        apple_id = _id(new[j])
+        apple_id = own_apple(new[j])
         was, now = (errors[run].get((frame, apple_id or -1)) for run in ("before", "after"))
         words = f"{_named(new[j])}: {moved_m * 1000:.0f} mm away"
         if was is not None and now is not None:
@@ -114,9 +109,8 @@ def _of_frame(
         )
 
 
-def _id(row: Row) -> int | None:
-    """The true apple that both circles are of."""
-    return row["left_truth"] if row["left_truth"] == row["right_truth"] else None
+def _alone(frame: int, kind: ChangeKind, before: int | None, after: int | None, row: Row) -> Change:
+    return Change(frame, kind, before, after, own_apple(row), None, _mistake(row), _named(row))
 
 
 def _mistake(row: Row) -> bool:
@@ -124,7 +118,7 @@ def _mistake(row: Row) -> bool:
 
 
 def _named(row: Row) -> str:
-    apple_id = _id(row)
+    apple_id = own_apple(row)
     if apple_id is not None:
         return f"true apple {apple_id}"
     if row["left_false"] and row["right_false"]:

@@ -85,7 +85,7 @@ def errors_against_range(columns: Sequence[Column]) -> str:
     if not told:
         return _nothing("Error against range", "no distance of these runs has a true one")
     caption = (
-        f"Error against range. {_sentence(told)}; the band is what the paper allows a distance. "
+        f"Error against range. {'; '.join(told)}; the band is what the paper allows a distance. "
         "Errors beyond the axis stand at its edge."
     )
     heads = ["method", "distances", "nearest m", "furthest m", "median mm", "median size mm",
@@ -146,7 +146,7 @@ def precision_against_recall(columns: Sequence[Column]) -> str:
         )
     caption = (
         f"Precision and recall of circles in single views, over every threshold of their "
-        f"confidence that is kept. {_sentence(told)}. The marker is the run as it is."
+        f"confidence that is kept. {'; '.join(told)}. The marker is the run as it is."
     )
     heads = ["method", "confidence at least", "precision %", "recall %"]
     return drawing_figure(done[0], "precision-recall", caption) + _numbers(heads, rows)
@@ -298,10 +298,6 @@ def _numbers(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 def _legend(axes: "Axes", columns: Sequence[Column]) -> None:
     if len(columns) > 1 and axes.get_legend_handles_labels()[0]:
         axes.legend(loc="best")
-
-
-def _sentence(parts: Sequence[str]) -> str:
-    return "; ".join(parts)
 
 
 def _nothing(title: str, why: str) -> str:

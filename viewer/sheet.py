@@ -100,11 +100,10 @@ class _Drawing:
         truth = found.pair.truth
         self.scored = found.counts.fruit is not None
         self.partial = truth is not None and truth.partial
+        recorded = {side: None if truth is None else truth.labels(side) for side in SIDES}
         self.labels = {
-            side: None if picture is None else found.rectification.view(side).labels(picture)
-            for side, picture in zip(
-                SIDES, (None, None) if truth is None else (truth.left, truth.right), strict=True
-            )
+            side: None if labels is None else found.rectification.view(side).labels(labels)
+            for side, labels in recorded.items()
         }
         self.discs: dict[Side, Discs | None] = {
             side: None if truth is None
@@ -133,8 +132,7 @@ class _Drawing:
         """As it was recorded; the trace has it already where nothing had to be rectified."""
         if self.found.rectification.view(side).maps is None:
             return self.trace.view(side).picture
-        pair = self.found.pair
-        return decode(pair.frame(side))
+        return decode(self.found.pair.frame(side))
 
     def _has_curves(self) -> bool:
         return bool(self.trace.matching.correlation.size)

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from processor.discs import Discs
+from processor.judge import own_apple
 from processor.palette import (
     ALONE,
     ESTIMATE,
@@ -120,10 +121,9 @@ def match_colours(apples: Sequence[Row], *, scored: bool) -> dict[int, Colour]:
 
 def match_verdict(row: Row) -> str:
     """What became of one row of apples.parquet: right, wrong, false, or not counted."""
-    left, right = row["left_truth"], row["right_truth"]
-    if left is not None and left == right:
+    if own_apple(row) is not None:
         return "right"
-    if left is not None or right is not None:
+    if row["left_truth"] is not None or row["right_truth"] is not None:
         return "wrong"
     return "false" if row["left_false"] and row["right_false"] else "not counted"
 

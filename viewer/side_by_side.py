@@ -10,6 +10,7 @@ from rerun.chunk import Chunk
 
 from processor.palette import CHANGES
 from processor.results import read_table
+from processor.rrd_session import markdown
 from processor.runs import Run
 from recorder.errors import PomologError
 from recorder.records import SIDES, Side
@@ -101,13 +102,13 @@ def _chunks(methods: Sequence[Method]) -> Iterator[Chunk]:
                 yield chunk.with_entity_path(f"/{sibling(entity, method.name)}")
             elif place == 0 and not any(entity.startswith(left) for left in LEFT_OUT):
                 yield chunk
-    yield drawn("about", _markdown(_summary(methods)), None, FRAME)
+    yield drawn("about", markdown(_summary(methods)), None, FRAME)
     frames = read_table(methods[0].folder, "frames")["frame"].to_pylist()
     for other in methods[1:]:
         found_changes = changes(methods[0].folder, other.folder)
         by_frame = {frame: [c for c in found_changes if c.frame == frame] for frame in frames}
         for frame, listed in by_frame.items():
-            table = _markdown(_change_table(methods[0].name, other.name, listed))
+            table = markdown(_change_table(methods[0].name, other.name, listed))
             yield drawn(f"changes/{other.name}/table", table, frame, FRAME)
             counts = [sum(c.kind == kind for c in listed) for kind in CHANGES]
             yield drawn(f"changes/{other.name}/count", rr.Scalars(counts), frame, FRAME)
@@ -161,7 +162,3 @@ def _summary(methods: Sequence[Method]) -> str:
 
 def _sums(listed: Sequence[Change]) -> str:
     return ", ".join(f"{sum(c.kind == kind for c in listed)} {kind}" for kind in CHANGES)
-
-
-def _markdown(text: str) -> Any:
-    return rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN)

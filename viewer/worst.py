@@ -11,6 +11,7 @@ import rerun as rr
 from rerun.chunk import Chunk
 
 from processor.palette import ESTIMATE, KINDS, TRUTH
+from processor.rrd_session import markdown
 from processor.worst import WorstCase
 from recorder.errors import PomologError
 from recorder.records import SIDES, Side
@@ -83,7 +84,7 @@ def _named(case: WorstCase) -> str:
 
 
 def _chunks(cases: Sequence[WorstCase]) -> Iterator[Chunk]:
-    yield drawn("worst/list", _markdown(case_list(cases)), None, TIMELINE)
+    yield drawn("worst/list", markdown(case_list(cases)), None, TIMELINE)
     scenes = {step: Scene() for step in range(1, len(cases) + 1)}
     folders = list(dict.fromkeys(case.folder for case in cases))
     for folder in folders:
@@ -95,7 +96,7 @@ def _chunks(cases: Sequence[WorstCase]) -> Iterator[Chunk]:
             folder, steps, scenes, alone=len(folders) == 1, first=folder == folders[0]
         )
     for step, case in enumerate(cases, 1):
-        yield drawn("worst/case", _markdown(case_text(step, case)), step, TIMELINE)
+        yield drawn("worst/case", markdown(case_text(step, case)), step, TIMELINE)
         for side in SIDES:
             yield from _close_up(step, side, case, scenes[step])
 
@@ -188,7 +189,3 @@ def _crop(encoded: bytes, ring: Circle) -> tuple[Any, float, tuple[float, float]
 def _jpeg(picture: Any) -> Any:
     _, data = cv2.imencode(".jpg", picture)
     return rr.EncodedImage(contents=data.tobytes(), media_type="image/jpeg")
-
-
-def _markdown(text: str) -> Any:
-    return rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN)

@@ -16,6 +16,7 @@ from processor.columns import circle_columns
 from processor.compare.pictures import Results, places_of, tally
 from processor.count import LEAST_IOU
 from processor.discs import disc_iou
+from processor.judge import own_apple
 from processor.measures import Floats
 from processor.results import Row
 from recorder.records import SIDES
@@ -133,9 +134,7 @@ def _located(row: Row) -> bool:
 def _true_places(run: Results) -> dict[tuple[int, int], Row]:
     """(frame, true apple) -> the located apple whose two circles are that one's."""
     return {
-        (row["frame"], row["left_truth"]): row
-        for row in run.apples
-        if row["left_truth"] is not None and row["left_truth"] == row["right_truth"]
+        (row["frame"], apple): row for row in run.apples if (apple := own_apple(row)) is not None
     }
 
 
