@@ -154,7 +154,7 @@ def test_table_2_turns_to_the_exact_place_where_too_few_readings_can_be_compared
 
 def test_a_condition_without_measurements_leaves_its_comparisons_unscored() -> None:
     rows = compared({"indoor no occlusion": {400: 1.0, 500: 2.0}})
-    assert all(row["t"] is None and row["p_holm"] is None for row in rows)
+    assert [(row["t"], row["p_holm"]) for row in rows] == [(None, None)] * 4
 
 
 def test_the_bootstrap_is_of_sums_and_covers_the_share() -> None:

@@ -234,6 +234,7 @@ def test_no_sessions_name_leads_out_of_the_output_folder(name: str, tmp_path: Pa
         return
     list(replay([session], tmp_path / "deep/out", TINY, rrd="none"))
     new = [path for path in tmp_path.rglob("*") if path not in before]
+    assert new
     assert all(path.is_relative_to(tmp_path / "deep") for path in new)
 
 
