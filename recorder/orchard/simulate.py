@@ -18,7 +18,7 @@ from recorder.orchard.scene import Scene, Shot, Split
 from recorder.orchard.sensor import CameraSetting, encode_picture, metered_gain, take_picture
 from recorder.orchard.truth import beam_range_m, pair_truth, reading, see_labels
 from recorder.orchard.world import World, grow_world
-from recorder.records import SIDES, FrameTruth, Labels, Note
+from recorder.records import COMPRESSED, SIDES, FrameTruth, Labels, Note
 from recorder.rig import Rig
 from recorder.session import DEFAULT_MAX_SKEW_NS
 from recorder.session_writer import SessionWriter
@@ -68,7 +68,7 @@ def simulate(
     load_mitsuba()
     rig = scene.make_rig()
     about = {**session_metadata(scene, todo), **(metadata or {})}
-    raw = scene.camera.encoding in ("bayer_rggb8", "bgr8")
+    raw = scene.camera.encoding not in COMPRESSED
     period_ns, skew_ns = frame_times(scene)
     if skew_ns > DEFAULT_MAX_SKEW_NS:
         about["max_skew_ns"] = str(2 * skew_ns)
@@ -198,8 +198,8 @@ def _blow(world: World, scene: Any, time_s: float, wind_m: float) -> list[Floats
 
 def look_key(scene: Scene, shot: Shot) -> str:
     """What a rendered pair is known by: everything that shapes its light, and nothing else."""
-    exclude = {"name", "worlds", "seed", "exposures_ev", "rangefinder"}
-    settings = scene.model_dump_json(exclude=exclude | ({"camera"}))
+    others = {"name", "worlds", "seed", "exposures_ev", "rangefinder", "camera"}
+    settings = scene.model_dump_json(exclude=others)
     beam = scene.rangefinder.model_dump_json(include={"origin_m", "direction"})
     shot_part = f"{shot.seed} {shot.range_m} {shot.step} {scene.camera.size_px}"
     whole = f"{RENDERER} {settings} {beam} {shot_part}"

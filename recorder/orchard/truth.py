@@ -26,9 +26,7 @@ class Outline:
 
 def see_labels(scene: Any, view: View, fruit: list[FruitMesh]) -> Labels:
     """(H, W) uint16: for the ray through every pixel's centre, the apple it meets first."""
-    dr = load_part("drjit")
-
-    mi = load_mitsuba()
+    dr, mi = load_part("drjit"), load_mitsuba()
     width_px, height_px = view.camera.size_px
     slopes = view.slopes()
     looks = np.concatenate([slopes, np.ones((len(slopes), 1))], 1) @ view.rotation.T
