@@ -62,6 +62,12 @@ def test_a_ring_outside_30_to_60_px_is_discarded(radius: int) -> None:
     assert found.tried.shape == (0, 5)
 
 
+def test_both_ends_of_the_window_belong_to_it() -> None:
+    found = RandomRing(min_radius_px=50, max_radius_px=50)(cleaning(on_circle(50)), SEED)
+    assert len(found.tried) > 300  # of 400: some draw a point twice, some round off
+    assert set(found.tried[:, 3].tolist()) == {50.0}
+
+
 def test_every_tried_ring_is_within_the_window_and_no_more_than_rounds() -> None:
     found = RandomRing()(disc(150, 120, 58), SEED)  # noisy triples lead out of the window
     radii = found.tried[:, 3]
