@@ -313,6 +313,14 @@ def test_an_apple_less_than_half_visible_need_not_be_matched(
     assert verdict.error_m == pytest.approx(0.01)  # where it was, its distance counts
 
 
+def test_an_apple_that_only_one_view_shows_has_its_verdict() -> None:
+    lone = replace(apple(1, seen=0.9), right_visible=0.05)
+    (verdict,) = counted(trace_of([circle_on(lone, "left")], []), FrameTruth(apples=(lone,))).apples
+    assert (verdict.found_left, verdict.found_right, verdict.match) == (True, False, None)
+    unseen = replace(lone, left_visible=0.05)
+    assert counted(trace_of([], []), FrameTruth(apples=(unseen,))).apples == ()
+
+
 def test_an_apple_half_visible_in_one_view_only_need_not_be_matched() -> None:
     true = AppleTruth(1, (0.0, 0.0, 0.4), 0.04, left_visible=1.0, right_visible=0.3)
     assert matched(true)[1].match is None
@@ -344,6 +352,16 @@ def test_an_estimated_radius_that_is_wrong_shows_at_the_surface_only(
     trace = trace_of([circle_on(true, "left")], [circle_on(true, "right")], [big])
     (verdict,) = counted(trace, FrameTruth(apples=(true,))).apples
     assert verdict.error_m == pytest.approx(error_m, abs=1e-12)
+
+
+@pytest.mark.parametrize(("truth_point", "std_m"), [("centre", 0.003), ("surface", 0.004)])
+def test_what_is_said_of_an_error_is_of_the_declared_truth_point(
+    truth_point: TruthPoint, std_m: float
+) -> None:
+    true = apple(1, seen=1.0, truth_point=truth_point)
+    said = replace(place_of(true, 0, 0), range_std_m=0.003, surface_std_m=0.004)
+    trace = trace_of([circle_on(true, "left")], [circle_on(true, "right")], [said])
+    assert counted(trace, FrameTruth(apples=(true,))).apples[0].std_m == std_m
 
 
 def test_boxes_and_circles_count_fruit_but_no_pixels() -> None:
