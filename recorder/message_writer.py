@@ -1,7 +1,6 @@
 """Writing an MCAP of the session profile, message by message, onto an open file."""
 
 import os
-import zlib
 from collections.abc import Mapping
 from typing import Any, BinaryIO, Final
 
@@ -9,6 +8,7 @@ from mcap.writer import CompressionType, Writer
 from mcap_protobuf.schema import build_file_descriptor_set
 
 from recorder.mcap_records import RawMessage
+from recorder.metadata import with_crc
 from recorder.profile import PROFILE, RIG_TOPICS, topics_of
 
 CHUNK_BYTES: Final = 4 << 20
@@ -91,8 +91,7 @@ class MessageWriter:
 
     def add_metadata(self, name: str, entries: Mapping[str, str]) -> None:
         """Write a metadata record with a checksum of its own: no chunk's CRC covers it."""
-        clean = {key: value for key, value in entries.items() if key != "crc32"}
-        self._mcap.add_metadata(name, {**clean, "crc32": metadata_crc(clean)})
+        self._mcap.add_metadata(name, with_crc(entries))
 
     def flush(self) -> None:
         """End the chunk in progress and hand it to the operating system."""
@@ -109,9 +108,3 @@ class MessageWriter:
         self._mcap.finish()
         self._stream.flush()
         os.fdatasync(self._stream.fileno())
-
-
-def metadata_crc(entries: Mapping[str, str]) -> str:
-    """The checksum that `add_metadata` keeps beside a record's entries."""
-    text = "\0".join(f"{key}={entries[key]}" for key in sorted(entries))
-    return f"{zlib.crc32(text.encode()):08x}"

@@ -50,7 +50,8 @@ from recorder.mcap_records import (
     reporting_damage,
     unpack_chunk,
 )
-from recorder.message_writer import MessageWriter, metadata_crc
+from recorder.message_writer import MessageWriter
+from recorder.metadata import is_sound, without_crc
 from recorder.objects import Place
 from recorder.profile import IMAGE_TOPICS, PROFILE, RAW_IMAGE_SCHEMA, TOPICS
 
@@ -242,10 +243,9 @@ def _messages(wreck: Wreck, opcode: int, body: bytes, limits: Limits) -> Iterato
     if isinstance(record, Header):
         wreck.header = record
     elif isinstance(record, Metadata):
-        entries = {key: value for key, value in record.metadata.items() if key != "crc32"}
-        if record.metadata.get("crc32") != metadata_crc(entries):
+        if not is_sound(record.metadata):
             raise McapError("metadata fail their CRC")
-        wreck.metadata[record.name] = entries
+        wreck.metadata[record.name] = without_crc(record.metadata)
 
 
 def survey(path: Place) -> Wreck:

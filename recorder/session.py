@@ -3,7 +3,7 @@
 `recorder.profile` says what lies in it; `recorder.container` reads the file and trusts nothing.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Final, Self, TypeVar
 
@@ -12,16 +12,14 @@ import numpy.typing as npt
 
 from recorder.assembly import READING_WINDOW_NS, Assembly
 from recorder.container import Container
-from recorder.errors import PomologError, newer_profile
+from recorder.errors import PomologError
 from recorder.limits import DEFAULT_LIMITS, Limits
 from recorder.mcap_records import RawMessage, reporting_damage
-from recorder.message_writer import metadata_crc
+from recorder.metadata import session_records
 from recorder.objects import Place
-from recorder.one_view import ONE_VIEW
 from recorder.pairing import pair_by_time
 from recorder.profile import (
     IMAGE_TOPICS,
-    PROFILE,
     RAW_IMAGE_SCHEMA,
     RIG_TOPICS,
     TOPICS,
@@ -52,12 +50,6 @@ _Kind = TypeVar("_Kind")
 
 DEFAULT_MAX_SKEW_NS: Final = 5_000_000  # at 300 mm/s a skew of 5 ms costs 7.5 mm at 1 m
 
-# metadata that says how the file is made, not what was recorded
-NOT_CONDITIONS: Final = frozenset((
-    "profile", "images", "rig", "rangefinder_std_m", "max_skew_ns", "made_by", "salvaged_from",
-    "clock_zero_ns", "segment", "equipment", "views", "calibration", "imported_from",
-))  # fmt: skip
-
 
 @dataclass(frozen=True, slots=True)
 class SessionInfo:
@@ -84,8 +76,6 @@ class Session:
             need not read every chunk's index again.
 
     Attributes:
-        metadata: the `session` record without its checksum.
-        ledger: the recorder's final counts, empty where none were kept.
         max_skew_ns: frames further apart than this are no pair.
 
     Raises:
@@ -102,16 +92,10 @@ class Session:
         self.path = path
         self._container = Container(path, limits)
         self._rig: Rig | None = None
-        self._set_by_notes: list[tuple[int, tuple[str, str]]] | None = None
+        self._notes: list[Note] | None = None  # that set a condition
         try:
-            records = self._container.metadata()
-            self._refuse_newer(records.get("session", {}))
-            self.metadata = _checked_metadata(path, records.get("session"))
-            self.ledger = _checked_metadata(path, records.get("ledger", {}))
-            self._picture_names = _checked_metadata(path, records.get("pictures", {}))
-            self._check_profile()
-            if not all("crc32" in record for record in records.values()):
-                raise PomologError(_fails_crc(path))  # lost: a session's metadata always have one
+            topics = self._container.counts()
+            self._records = session_records(self._container.metadata(), path, topics)
             self._image_times = image_times or {
                 side: self._container.times_ns(topic) for side, topic in IMAGE_TOPICS.items()
             }
@@ -125,20 +109,6 @@ class Session:
         except BaseException:
             self.close()
             raise
-
-    def _refuse_newer(self, metadata: Mapping[str, str]) -> None:
-        """Before its checksum is looked at: a newer profile may have another."""
-        profile = metadata.get("profile", "")
-        if profile.startswith("pomolog/") and profile != PROFILE:
-            raise newer_profile(self.path, profile, PROFILE)
-
-    def _check_profile(self) -> None:
-        if self.metadata.get("profile", "") != PROFILE:
-            raise PomologError(
-                f"{self.path} is an MCAP file but no pomolog session "
-                f"(topics: {', '.join(sorted(self._container.counts())[:8]) or 'none'}); "
-                "others' recordings become one with: pomolog import bag"
-            )
 
     def __enter__(self) -> Self:
         return self
@@ -160,18 +130,28 @@ class Session:
         return self.path.stem
 
     @property
+    def metadata(self) -> dict[str, str]:
+        """The `session` record without its checksum."""
+        return self._records.session
+
+    @property
+    def ledger(self) -> dict[str, str]:
+        """The recorder's final counts, empty where none were kept."""
+        return self._records.ledger
+
+    @property
     def one_view(self) -> bool:
         """Whether there is only a left camera; its pairs then have a black right frame."""
-        return all(self.metadata.get(key) == value for key, value in ONE_VIEW.items())
+        return self._records.one_view
 
     def names(self, side: Side) -> tuple[str, ...]:
         """What the pictures were called where they came from, in time order; empty if unsaid."""
-        return tuple(self._picture_names.get(side, "").splitlines())
+        return tuple(self.picture_names.get(side, "").splitlines())
 
     @property
     def picture_names(self) -> dict[str, str]:
         """The metadata record behind `names`, for copies of the session."""
-        return self._picture_names
+        return self._records.pictures
 
     @property
     def rig(self) -> Rig:
@@ -256,12 +236,9 @@ class Session:
 
     def _conditions(self, time_ns: int) -> dict[str, str]:
         """What the metadata says of the session, and the notes since then."""
-        if self._set_by_notes is None:
-            self._set_by_notes = [
-                (note.time_ns, note.condition) for note in self.notes() if note.condition
-            ]
-        said = {k: v for k, v in self.metadata.items() if k not in NOT_CONDITIONS}
-        return said | dict(pair for set_ns, pair in self._set_by_notes if set_ns <= time_ns)
+        if self._notes is None:
+            self._notes = [note for note in self.notes() if note.condition]
+        return self._records.conditions(time_ns, self._notes)
 
     def readings(self) -> Iterator[RangeReading]:
         """Every answer of the rangefinder, near a pair or not."""
@@ -348,16 +325,3 @@ def read_info(path: Place) -> SessionInfo:
     """What a session holds; opens and closes it."""
     with Session(path) as session:
         return session.info()
-
-
-def _checked_metadata(path: Place, entries: Mapping[str, str] | None) -> dict[str, str]:
-    plain = {key: value for key, value in (entries or {}).items() if key != "crc32"}
-    if entries and "crc32" in entries and entries["crc32"] != metadata_crc(plain):
-        raise PomologError(_fails_crc(path))
-    return plain
-
-
-def _fails_crc(path: Place) -> str:
-    return (
-        f"{path} is damaged (its metadata fails its CRC); try: pomolog salvage {path} -o whole.mcap"
-    )

@@ -27,7 +27,7 @@ from mcap.records import (
 )
 
 from recorder.mcap_records import MAGIC
-from recorder.message_writer import metadata_crc
+from recorder.metadata import with_crc
 from recorder.records import (
     COMPRESSED,
     AppleTruth,
@@ -324,7 +324,7 @@ class HandFile:
         Header(self.profile, "by hand").write(out)
         body = bytearray(out.end())
         metadata_start = len(body)
-        Metadata("session", {**self.metadata, "crc32": metadata_crc(self.metadata)}).write(out)
+        Metadata("session", with_crc(self.metadata)).write(out)
         body += out.end()
         metadata_length = len(body) - metadata_start
         indexes = [_write_chunk(body, chunk) for chunk in self.chunks]

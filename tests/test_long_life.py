@@ -18,7 +18,7 @@ from processor.run_file import read_run
 from processor.runs import find_runs, score_runs
 from recorder.check import check
 from recorder.errors import NewerProfileError
-from recorder.message_writer import metadata_crc
+from recorder.metadata import CRC, with_crc
 from recorder.salvage import salvage
 from recorder.session import Session
 from tests.scenes import TINY
@@ -34,7 +34,7 @@ def newer_session(folder: Path) -> Path:
         old, new = session.metadata, {**session.metadata, "profile": "pomolog/2"}
     data = SESSION.read_bytes().replace(b"pomolog/1", b"pomolog/2")
     copy = folder / "newer.mcap"
-    copy.write_bytes(data.replace(metadata_crc(old).encode(), metadata_crc(new).encode()))
+    copy.write_bytes(data.replace(with_crc(old)[CRC].encode(), with_crc(new)[CRC].encode()))
     return copy
 
 

@@ -14,7 +14,7 @@ from recorder.files import replacing
 from recorder.imports.bag import OURS, RECORDS
 from recorder.imports.bag_ours import AS_JSON, LABELS, to_json
 from recorder.mcap_records import RawMessage
-from recorder.message_writer import metadata_crc
+from recorder.metadata import with_crc
 from recorder.profile import decode_depth, decode_frame, decode_reading
 from recorder.records import COMPRESSED, SIDES
 from recorder.rig import Floats, LensModel, Rig
@@ -62,7 +62,7 @@ def _write(session: Session, bag: BagWriter, tick: Callable[[], None]) -> None:
     records |= {"pictures": session.picture_names} if session.picture_names else {}
     records |= {"ledger": session.ledger} if session.ledger else {}
     for name, entries in records.items():
-        bag.add_metadata(f"{RECORDS}{name}", {**entries, "crc32": metadata_crc(entries)})
+        bag.add_metadata(f"{RECORDS}{name}", with_crc(entries))
     start_ns = session.info().start_ns or 0
     _write_transforms(session.rig, bag, start_ns)
     calibrations: dict[str, RawMessage] = {}

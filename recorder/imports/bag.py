@@ -9,7 +9,7 @@ from recorder.container import Container
 from recorder.errors import PomologError
 from recorder.imports.frames import name_order
 from recorder.mcap_records import RawMessage
-from recorder.message_writer import metadata_crc
+from recorder.metadata import is_sound, without_crc
 from recorder.profile import PROFILE
 
 Kind = Literal["image", "compressed", "calibration", "range", "scan", "transforms", "ours", ""]
@@ -109,15 +109,14 @@ class Bag:
             name = full_name.removeprefix(RECORDS)
             if name == full_name or name not in ("session", "pictures", "ledger"):
                 continue
-            plain = {key: value for key, value in entries.items() if key != "crc32"}
-            if entries.get("crc32") != metadata_crc(plain):
+            if not is_sound(entries):
                 raise PomologError(
                     f"{container.path} is damaged (its metadata fails its CRC); copy it again"
                 )
             if name == "session":
-                self.metadata = plain
+                self.metadata = without_crc(entries)
             else:
-                self.records[name] = plain
+                self.records[name] = without_crc(entries)
 
     def messages(self, topics: Collection[str]) -> Iterator[RawMessage]:
         """The messages of some topics, in the order of their arrival.
