@@ -49,6 +49,12 @@ def test_two_apples_matched_with_each_other_are_wrong() -> None:
     )  # fmt: skip
 
 
+def test_a_match_of_two_circles_on_no_fruit_is_wrong_unless_one_counts_neither_way() -> None:
+    nowhere = apple(left_truth=None, right_truth=None, left_false=True, right_false=True)
+    assert judged(nowhere)[-1] == ("matches", Judged(0.8, False))
+    assert judged(nowhere | {"right_false": False}) == [("fruit", Judged(0.6, False))]
+
+
 def test_what_nobody_can_know_is_none() -> None:
     unlabelled = apple(left_truth=None, right_truth=None, left_false=None, right_false=None)
     assert judged(unlabelled) == [("fruit", None), ("fruit", None), ("matches", None)]

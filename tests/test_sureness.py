@@ -20,6 +20,18 @@ def test_a_mistake_before_a_hit_costs_the_hits_after_it() -> None:
     assert found.average_precision == pytest.approx(1 / 2 * 1 + 1 / 2 * 2 / 3)
 
 
+def test_a_recall_has_the_best_precision_that_still_reaches_it() -> None:
+    # the first find is wrong, so precision rises to 2/3 where both are found
+    found = of((0.9, False), (0.8, True), (0.7, True), wanted=2)
+    assert found.average_precision == pytest.approx(2 / 3)
+
+
+def test_a_find_just_as_sure_as_asked_is_taken() -> None:
+    found = of((0.5, True), (0.4999, False), wanted=1)
+    rates = {o.confidence: (o.n, o.precision) for o in found.operations}
+    assert rates[0.5] == (1, 1.0)
+
+
 def test_finds_of_one_confidence_count_together_in_whatever_order() -> None:
     one = of((0.5, True), (0.5, False), wanted=1)
     assert one.average_precision == pytest.approx(1 / 2)
