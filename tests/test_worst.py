@@ -90,6 +90,13 @@ def test_an_apple_that_one_view_hides_is_missed_where_the_other_does_not_find_it
     assert not worst_cases([results(tmp_path, [], [row | {"left_visible": 0.4}])])
 
 
+def test_a_missed_apple_of_which_nobody_said_how_much_is_seen_is_half_as_bad(
+    tmp_path: Path,
+) -> None:
+    case = only(worst_cases([results(tmp_path, [], [true(1, "missed", seen=None)])]))
+    assert (case.severity, case.how_much) == (0.5, "nobody said how much is seen")
+
+
 def test_a_fruit_where_none_is_is_false_and_worse_with_a_place(tmp_path: Path) -> None:
     cases = worst_cases([results(tmp_path, [alone(None), located(None, None)], [])])
     assert [(c.kind, c.severity) for c in cases] == [("false", 0.9), ("false", 0.45)]
