@@ -42,7 +42,7 @@ $(VENV)/ready: pyproject.toml | $(VENV)/bin/python
 	@touch $@
 
 $(VENV)/ready-dev: pyproject.toml | $(VENV)/bin/python
-	$(RUN)/python -m pip install --quiet --disable-pip-version-check --editable '.[cluster,dev,orchard,s3]'
+	$(RUN)/python -m pip install --quiet --disable-pip-version-check --editable '.[cluster,dev,orchard,s3,train]'
 	@touch $@ $(VENV)/ready
 
 $(VENV)/ready-orchard: pyproject.toml | $(VENV)/bin/python

@@ -194,12 +194,21 @@ def train(
     sessions: Annotated[list[Path], typer.Argument(metavar="S...", help="Labelled sessions.")],
     out: Annotated[Path, typer.Option("--out", "-o", help="The model to write (.npz).")],
     boxes: Annotated[Path | None, typer.Option(help="Photographs: images/, labels/.")] = None,
+    network_rounds: Annotated[
+        int, typer.Option(min=0, help="Passes to train the network of centres; 0 leaves it out.")
+    ] = 40,
     as_json: AsJson = False,
 ) -> None:
-    """Learn a model for method `pomolog`; minutes. Use it with: [recognise] model = "mine.npz"."""
+    """Learn a model for method `pomolog`; an hour, most of it for a network (needs JAX).
+
+    Use it with `model = "mine.npz"` in every stage of a method that has a model.
+    """
     from processor.teach import teach
 
-    model = teach(sessions, boxes, out, lambda line: typer.echo(line, err=True))
+    def say(line: str) -> None:
+        typer.echo(line, err=True)
+
+    model = teach(sessions, boxes, out, network_rounds=network_rounds, say=say)
     if as_json:
         print(json.dumps({"model": model.name, "out": str(out)}, indent=2))
     else:

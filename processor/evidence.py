@@ -6,6 +6,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from processor.centres import CENTRE_MEASURES, Centres
 from processor.nearness import Nearness
 from processor.net import Floats32
 from processor.trace import Floats
@@ -23,7 +24,7 @@ _OUTER: Final = 5  # the ring just outside
 _RIM: Final = np.array([0.9, 0.97, 1.03, 1.1], np.float32)[
     :, None, None
 ]  # where grey levels are compared
-MEASURES: Final = 23  # of a circle alone
+MEASURES: Final = 23 + CENTRE_MEASURES  # of a circle alone
 CLAIM_MEASURES: Final = 8  # more, of what better circles leave of it
 _DISC: Final = 5  # the first rings sample a circle's inside
 POINTS: Final = RAYS * _DISC
@@ -59,7 +60,11 @@ class Evidence:
 
 
 def gather(
-    index: Bytes, grey: Bytes, circles: Floats, nearness: Nearness | None = None
+    index: Bytes,
+    grey: Bytes,
+    circles: Floats,
+    nearness: Nearness | None = None,
+    centres: Centres | None = None,
 ) -> Evidence:
     """Sample evidence and grey levels on rings of each circle.
 
@@ -68,6 +73,7 @@ def gather(
         grey: (H, W) grey levels: one apple before another shows there only.
         circles: (N, 3) x, y, radius.
         nearness: what the other view says of sizes, where there is one.
+        centres: what the network says of the view, where there is one.
     """
     height, width = index.shape
     x, y, radius = circles.astype(np.float32).T[..., None]
@@ -109,8 +115,11 @@ def gather(
         part[:_DISC].transpose(1, 0, 2).reshape(count, POINTS) for part in (points_x, points_y)
     )
     said, usual_px = _said_of_size(radius[:, 0], fruit, (inside_x, inside_y), nearness)
+    of_centres = (
+        np.zeros((count, CENTRE_MEASURES)) if centres is None else centres.measures(circles)
+    )
     return Evidence(
-        np.column_stack([measures, said]).astype(np.float32),
+        np.column_stack([measures, said, of_centres]).astype(np.float32),
         fruit,
         np.stack([inside_x, inside_y]),
         flags,

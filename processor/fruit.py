@@ -1,4 +1,4 @@
-"""Fruit from regions: circles from pairs of edge points, ranked, refined, and chosen one by one."""
+"""Fruit: circles from edge points and from a network, ranked, refined, and chosen one by one."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,8 +9,16 @@ import numpy as np
 import numpy.typing as npt
 
 from processor.candidates import Contour, Pairs, vote
+from processor.centres import CentreModel, Centres
 from processor.evidence import Claims, Evidence, gather
-from processor.nearness import PAPERS_FOCAL_PX, USUAL_RADIUS_M, see_nearness
+from processor.nearness import (
+    FURTHEST_M,
+    NEAREST_M,
+    PAPERS_FOCAL_PX,
+    USUAL_RADIUS_M,
+    Nearness,
+    see_nearness,
+)
 from processor.net import Floats32, Net
 from processor.rims import Outlines, fit_outlines
 from processor.trace import Circles, Cleaning, Floats, Fruit, Look, Seed
@@ -30,11 +38,13 @@ class FruitModel:
         quality: measures of a circle alone -> how well it fits a fruit.
         choice: the same and what better circles leave of it -> the probability that it is a fruit
             that no better circle is.
+        centres: the network that sees whole neighbourhoods; None where none was trained.
     """
 
     name: str
     quality: Net
     choice: Net
+    centres: CentreModel | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,8 +56,9 @@ class Proposals:
         outlines: their fit.
         evidence: what speaks for them.
         quality: (N,) by the first network.
-        tried: (T, 4) every circle that was voted for, with its quality before refinement.
+        tried: (T, 4) every candidate, with its quality before refinement.
         tried_measures: (T, F) what that quality came from.
+        centres: what the network said of the view; None without one.
     """
 
     circles: Floats
@@ -56,6 +67,7 @@ class Proposals:
     quality: Floats32
     tried: Floats
     tried_measures: Floats32
+    centres: Centres | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +81,8 @@ class FruitFinder:
         largest_radius_m: of a fruit.
         nearest_m: of fruit to be found.
         furthest_m: of fruit to be found; what is beyond belongs to the next row.
-        voted: candidates that are looked at.
+        voted: candidates from edge points that are looked at.
+        least_centre: the probability at which the network's circle is a candidate.
         least_quality: candidates that are refined.
         same: two candidates are one where centres and radii differ by less, in radii.
         same_as_good: the same beyond that, times the better one's quality: what surely is a fruit
@@ -82,9 +95,10 @@ class FruitFinder:
     pairs: Pairs = Pairs()
     least_radius_m: float = 0.028  # a small Gala
     largest_radius_m: float = 0.052  # a large Fuji
-    nearest_m: float = 0.38  # the paper's 400 mm, to the front
-    furthest_m: float = 1.9  # beyond a row's depth
+    nearest_m: float = NEAREST_M
+    furthest_m: float = FURTHEST_M
     voted: int = 400
+    least_centre: float = 0.05
     least_quality: float = 0.1
     same: float = 0.3
     same_as_good: float = 0.6
@@ -115,7 +129,8 @@ class FruitFinder:
                 )
             )  # fmt: skip
         tried = np.column_stack([np.zeros(len(proposals.tried)), proposals.tried])
-        return Circles(tuple(fruit), tried.astype(np.float32))
+        heat = None if proposals.centres is None else proposals.centres.heat()
+        return Circles(tuple(fruit), tried.astype(np.float32), heat)
 
     def radii_px(self, rectification: Rectification) -> tuple[float, float]:
         """The window of radii for this rig."""
@@ -130,19 +145,21 @@ class FruitFinder:
         index = look.recognition.evidence()
         grey = cast("Bytes", cv2.cvtColor(look.picture, cv2.COLOR_BGR2GRAY))
         window = self.radii_px(look.rectification)
-        scale = look.rectification.focal_px / PAPERS_FOCAL_PX
-        rng = np.random.default_rng(seed)
-        pairs = self.pairs.scaled(scale)
-        contours = _contours(cleaning, SHORTEST_CONTOUR_PX * scale)
         nearness = see_nearness(look, self.nearest_m, self.furthest_m)
-        voted = vote(pairs(index, contours, window, rng, nearness), self.voted)
-        first = gather(index, grey, voted, nearness)
+        network = self.model.centres
+        centres = None if network is None else network(look, nearness)
+        tried = self._voted(cleaning, seed, look, nearness)
+        if centres is not None:
+            peaks = centres.peaks(self.least_centre)
+            fitting = (peaks[:, 2] > window[0]) & (peaks[:, 2] < window[1])
+            tried = np.concatenate([peaks[fitting], tried])
+        first = gather(index, grey, tried, nearness, centres)
         quality = self.model.quality(first.measures)
-        kept = self._distinct(voted, quality)
-        outlines = fit_outlines(index, voted[kept], first.usual_px[kept].astype(float))
+        kept = self._distinct(tried, quality)
+        outlines = fit_outlines(index, tried[kept], first.usual_px[kept].astype(float))
         circles = outlines.circles
         circles[:, 2] = np.clip(circles[:, 2], *window)
-        evidence = gather(index, grey, circles, nearness)
+        evidence = gather(index, grey, circles, nearness, centres)
         again = self.model.quality(evidence.measures)
         order = np.argsort(-again, kind="stable")
         return Proposals(
@@ -150,9 +167,24 @@ class FruitFinder:
             Outlines(circles[order], outlines.covariance[order], outlines.rim[order]),
             evidence.ordered(order),
             again[order],
-            np.column_stack([voted, quality]),
+            np.column_stack([tried, quality]),
             first.measures,
+            centres,
         )
+
+    def _voted(
+        self, cleaning: Cleaning, seed: Seed, look: Look, nearness: Nearness | None
+    ) -> Floats:
+        """Candidates from edge points."""
+        if not self.voted:
+            return np.empty((0, 3))
+        scale = look.rectification.focal_px / PAPERS_FOCAL_PX
+        contours = _contours(cleaning, SHORTEST_CONTOUR_PX * scale)
+        made = self.pairs.scaled(scale)(
+            look.recognition.evidence(), contours, self.radii_px(look.rectification),
+            np.random.default_rng(seed), nearness,
+        )  # fmt: skip
+        return vote(made, self.voted)
 
     def _distinct(self, circles: Floats, quality: Floats32) -> npt.NDArray[np.intp]:
         """Places of candidates good enough to be refined, without near copies of better ones."""

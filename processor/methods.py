@@ -10,7 +10,6 @@ from typing import Any, Final, get_type_hints
 from pydantic import TypeAdapter, ValidationError
 
 from processor.assign import Assignment, MatchModel
-from processor.candidates import Pairs
 from processor.circles import CIRCLES, HoughCircles
 from processor.clean import CLEAN, SizeFloor
 from processor.colour_table import ColourModel, ColourTable
@@ -40,7 +39,7 @@ MODEL_PARTS: Final[dict[Any, str]] = {
     MatchModel: "match",
     RangeModel: "range",
 }
-DEFAULT_MODEL: Final = "pomolog-2"
+DEFAULT_MODEL: Final = "pomolog-3"
 
 
 def learned(model: Model) -> Locator:
@@ -55,13 +54,11 @@ def learned(model: Model) -> Locator:
 
 
 def hurried(model: Model) -> Locator:
-    """Method `pomolog-fast`: colours read at half the size, fewer candidates made and refined."""
+    """Method `pomolog-fast`: colours read at half the size, candidates of the network alone."""
     return replace(
         learned(model),
         recognise=ColourTable(model.colours, halved_from_px=900_000),
-        circles=FruitFinder(
-            model.fruit, pairs=Pairs(step_px=5, strangers=1), voted=300, refined=70
-        ),
+        circles=FruitFinder(model.fruit, voted=0),
     )
 
 

@@ -13,6 +13,7 @@ from zipfile import BadZipFile, ZipFile
 import numpy as np
 
 from processor.assign import MatchModel
+from processor.centres import CentreModel
 from processor.colour_table import ENTRIES, ColourModel
 from processor.fruit import FruitModel
 from processor.net import Net
@@ -22,7 +23,7 @@ from recorder.files import replacing
 from recorder.limits import DEFAULT_LIMITS
 
 FOLDER: Final = Path(__file__).parent / "models"
-_PROFILE: Final = "pomolog-model/1"
+_PROFILE: Final = "pomolog-model/2"
 # what zipfile and NumPy raise on damaged bytes, found by mutating good files
 _DAMAGE: Final = (
     OSError, ValueError, KeyError, EOFError, BadZipFile, MemoryError, OverflowError, IndexError,
@@ -55,6 +56,8 @@ def save_model(model: Model, path: Path, provenance: dict[str, Any]) -> None:
         "radius_scale": np.array(model.range.radius_scale),
         "spread": np.array(model.range.spread),
     }
+    if model.fruit.centres is not None:
+        arrays["centres"] = np.frombuffer(model.fruit.centres.onnx, np.uint8)
     nets = (model.fruit.quality, model.fruit.choice, model.match.pair)
     for name, net in zip(_NETS, nets, strict=True):
         arrays |= {f"{name}.mean": net.mean, f"{name}.scale": net.scale}
@@ -106,10 +109,11 @@ def _model(name: str, arrays: dict[str, Any]) -> Model:
             raise ValueError(f"table {table} is not {ENTRIES} bytes")
     quality, choice, pair = (_net(part, arrays) for part in _NETS)
     spread = tuple(float(w) for w in arrays["spread"])
+    centres = CentreModel(arrays["centres"].tobytes()) if "centres" in arrays else None
     return Model(
         name,
         ColourModel(name, arrays["colour"], arrays["context"]),
-        FruitModel(name, quality, choice),
+        FruitModel(name, quality, choice, centres),
         MatchModel(name, pair),
         RangeModel(name, float(arrays["radius_scale"]), spread),
     )

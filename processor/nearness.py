@@ -18,6 +18,8 @@ from recorder.rectify import Rectification
 
 PAPERS_FOCAL_PX: Final = 6e-3 / 5.2e-6  # what lengths in pixels are told for
 USUAL_RADIUS_M: Final = 0.0385  # of the apples that a model learns from
+NEAREST_M: Final = 0.38  # of fruit: the paper's 400 mm, to the front
+FURTHEST_M: Final = 1.9  # beyond a row's depth
 _COARSER: Final = 8  # times, with the paper's lens: a far apple still has four pixels a radius
 _ALONG: Final = 16  # of OpenCV: disparities come in sixteenths of a pixel
 _UNKNOWN: Final = np.int16(-(1 << 14))

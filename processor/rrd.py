@@ -22,6 +22,7 @@ from processor.palette import ALONE, ESTIMATE, REJECTED
 from processor.rrd_match import draw_match
 from processor.rrd_numbers import draw_charts, draw_numbers
 from processor.rrd_pictures import (
+    heat_picture,
     index_picture,
     known_fruit,
     mask_picture,
@@ -166,6 +167,8 @@ class RrdWriter:
         contours = [_thinned(region.contour_px) for region in view.cleaning.regions]
         self._rec.log(f"{root}/contours", rr.LineStrips2D(contours, radii=-0.5, colors=CONTOUR))
         self._rec.log(f"{root}/tried", _rings(view.circles.tried))
+        if view.circles.heat is not None:
+            self._rec.log(f"centres/{side}", heat_picture(view.circles.heat))
         self._draw_fruit(side, view.circles, trace)
 
     def _draw_fruit(self, side: Side, circles: Circles, trace: Trace) -> None:

@@ -59,6 +59,12 @@ def index_picture(recognition: Recognition) -> Any:
     return jpeg(np.asarray(coloured, np.uint8), quality=50)
 
 
+def heat_picture(heat: npt.NDArray[np.uint8]) -> Any:
+    """(h, w) how likely a fruit's centre is there, dark to bright."""
+    coloured = cv2.applyColorMap(heat, cv2.COLORMAP_INFERNO)
+    return jpeg(np.asarray(coloured, np.uint8), quality=75)
+
+
 _ROOT: Final = np.sqrt(np.arange(256) * 255.0).astype(np.uint8)
 
 

@@ -95,10 +95,13 @@ class Circles:
     Attributes:
         fruit: at most one a region for the paper's finders; in the order of the regions.
         tried: (T, 5) float32: region, x, y, radius, points on the ring.
+        heat: (h, w) 255 times the probability of a fruit's centre, coarse; None where the finder
+            has no such picture.
     """
 
     fruit: tuple[Fruit, ...]
     tried: npt.NDArray[np.float32]
+    heat: npt.NDArray[np.uint8] | None = None
 
     def as_array(self) -> Floats:
         """The fruit as (N, 3) x, y, radius."""

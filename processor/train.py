@@ -17,6 +17,7 @@ from processor.fruit import FruitFinder, FruitModel, Proposals
 from processor.lessons import Lesson
 from processor.net import Floats32, Net
 from processor.trace import Cleaner, Floats, Look, look_both_ways
+from processor.train_centres import TaughtCentres
 from recorder.records import UNCOUNTED, Labels, Picture
 
 Bytes = npt.NDArray[np.uint8]
@@ -88,6 +89,7 @@ def learn_fruit(
     groups: Sequence[tuple[Lesson, ...]],
     colours: ColourModel,
     clean: Cleaner,
+    centres: TaughtCentres,
     *,
     stops: Sequence[float] = (0.0, -1.0, 1.0),
     rounds: int = 3,
@@ -104,6 +106,7 @@ def learn_fruit(
         groups: both views of a pair, or one picture alone.
         colours: what recognises.
         clean: how regions are made.
+        centres: what sees whole neighbourhoods.
         stops: exposures of rendered lessons.
         rounds: of learning.
         seed: of every random number.
@@ -118,8 +121,8 @@ def learn_fruit(
     folds: list[Folds] = []
     for number in range(rounds):
         models = [
-            FruitModel(colours.name, q, c)
-            for q, c in zip(quality.without, choice.without, strict=True)
+            FruitModel(colours.name, q, c, n)
+            for q, c, n in zip(quality.without, choice.without, centres.without, strict=True)
         ]
         choices: list[tuple[Floats32, Floats, Flags, Folds]] = []
         for place, (lesson, look, cleaning) in enumerate(zip(shown, looks, cleaned, strict=True)):
@@ -148,10 +151,10 @@ def learn_fruit(
             )
             say(f"round {number}: {int(w.sum())} choices, {int(y[w].sum())} right")
     return TaughtFruit(
-        FruitModel(colours.name, quality.whole, choice.whole),
+        FruitModel(colours.name, quality.whole, choice.whole, centres.whole),
         tuple(
-            FruitModel(colours.name, q, c)
-            for q, c in zip(quality.without, choice.without, strict=True)
+            FruitModel(colours.name, q, c, n)
+            for q, c, n in zip(quality.without, choice.without, centres.without, strict=True)
         ),
     )
 

@@ -69,6 +69,18 @@ def painted(mask: Mask) -> Picture:
     return np.where(mask[..., None] > 0, np.array(RED, np.uint8), np.array(LEAF, np.uint8))
 
 
+def rounded(*discs: Disc, size_px: tuple[int, int]) -> Picture:
+    """Red discs before leaves, shaded as a ball is: a flat one is no apple to a network."""
+    width, height = size_px
+    rows, columns = np.mgrid[:height, :width]
+    picture = np.tile(np.array(LEAF, float), (height, width, 1))
+    for x, y, radius in discs:
+        away = np.hypot(columns - x, rows - y) / radius
+        shade = 0.35 + 0.65 * np.sqrt(np.clip(1 - away**2, 0, 1))
+        picture = np.where(away[..., None] <= 1, shade[..., None] * np.array(RED), picture)
+    return picture.astype(np.uint8)
+
+
 def red_disc_picture(*discs: Disc, size_px: tuple[int, int] = (320, 240)) -> Picture:
     """Red discs before leaves."""
     return painted(disc_mask(*discs, size_px=size_px))

@@ -10,7 +10,7 @@ from processor.fruit import FruitFinder
 from processor.methods import METHODS
 from processor.trace import Circles, Look
 from recorder.rectify import rectify
-from tests.scenes import Disc, disc_mask, painted, recognised, small_rig
+from tests.scenes import Disc, disc_mask, recognised, rounded, small_rig
 
 SIZE = (320, 240)
 
@@ -22,9 +22,8 @@ def finder() -> FruitFinder:
 
 
 def found(*discs: Disc) -> Circles:
-    mask = disc_mask(*discs, size_px=SIZE)
-    recognition = recognised(mask)
-    look = Look(painted(mask), recognition, rectify(small_rig()))
+    recognition = recognised(disc_mask(*discs, size_px=SIZE))
+    look = Look(rounded(*discs, size_px=SIZE), recognition, rectify(small_rig()))
     return finder()(SizeFloor()(recognition), (0, 0, 0), look)
 
 

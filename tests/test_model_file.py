@@ -10,7 +10,7 @@ from recorder.errors import PomologError
 
 
 def test_a_model_written_is_the_model_read(tmp_path: Path) -> None:
-    shipped = load_model("pomolog-2")
+    shipped = load_model("pomolog-3")
     path = tmp_path / "mine.npz"
     save_model(shipped, path, {"made_by": "a test"})
     again = load_model(str(path))
@@ -30,12 +30,12 @@ def test_what_is_no_model_is_refused(content: bytes, tmp_path: Path) -> None:
 
 
 def test_an_unknown_name_lists_the_known() -> None:
-    with pytest.raises(PomologError, match="pomolog-2"):
+    with pytest.raises(PomologError, match="pomolog-3"):
         load_model("best")
 
 
 def test_the_shipped_model_says_where_it_comes_from() -> None:
-    path = Path(__file__).parents[1] / "processor" / "models" / "pomolog-2.json"
+    path = Path(__file__).parents[1] / "processor" / "models" / "pomolog-3.json"
     said = path.read_text()
     assert "fingerprint" in said
     assert '"split": "test"' not in said

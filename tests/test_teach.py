@@ -19,9 +19,15 @@ def test_a_model_learned_of_drawn_apples_locates_one(tmp_path: Path) -> None:
     frames = [[apple(1, 0.02 * k - 0.05, 0.02 * (k % 3) - 0.02, 0.4 + 0.02 * k)] for k in range(6)]
     path = stereo_session(tmp_path / "train.mcap", frames)
     out = tmp_path / "mine.npz"
-    teach([path], None, out)
+    lines: list[str] = []
+    teach([path], None, out, network_rounds=1, say=lines.append)
+    assert any(line.startswith("centres, round 1 of 1") for line in lines)
     said = json.loads(out.with_suffix(".json").read_text())
     assert (said["model"], said["sessions"][0]["pairs"]) == ("mine", 6)
+    assert "jax" in said["versions"]
+    assert sorted(entry.name for entry in tmp_path.iterdir()) == [
+        "mine.json", "mine.npz", "train.mcap"
+    ]  # fmt: skip
     locator = learned(load_model(str(out)))
     trace = locator(*pair_of(small_rig(), apple(1)), rectify(small_rig()))
     assert any(z_m == pytest.approx(0.4, rel=4 / 60) for _, _, z_m in located(trace))
@@ -33,9 +39,17 @@ def test_a_session_with_pairs_of_the_test_split_is_refused(split: str, tmp_path:
     with SessionWriter.create(path, small_rig(), {"split": split}):
         pass
     with pytest.raises(PomologError, match="--split train"):
-        teach([path], None, tmp_path / "mine.npz")
+        teach([path], None, tmp_path / "mine.npz", network_rounds=0)
 
 
 def test_a_model_has_its_own_ending(tmp_path: Path) -> None:
     with pytest.raises(PomologError, match=r"\.npz"):
         teach([], None, tmp_path / "mine.txt")
+
+
+def test_what_a_network_needs_is_asked_for_before_any_work(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("processor.train_centres.find_spec", lambda _: None)
+    with pytest.raises(PomologError, match=r"pomolog\[train\].*--network-rounds 0"):
+        teach([tmp_path / "s.mcap"], None, tmp_path / "mine.npz")
