@@ -35,6 +35,7 @@ STAGES: Final = {
 }  # fmt: skip
 LEAST_IOU: Final = 0.5
 LEAST_VISIBLE: Final = 0.1
+NEVER: Final = 1 - 1e-9  # a probability that no network reaches
 
 Known = dict[str, Any]
 """Of each side: "labels", and "discs" (N, 3) of the apples that count."""
@@ -98,9 +99,16 @@ def variants() -> dict[str, Maker]:
         if stage == "recognise":
             back["clean"] = paper.clean
         made[f"{stage} of the paper ({name})"] = _always(replace(ours, **back))
+    finder = cast("FruitFinder", ours.circles)
+    made["candidates of the network alone"] = _always(
+        replace(ours, circles=replace(finder, voted=0))
+    )
+    made["candidates of edge points alone"] = _always(
+        replace(ours, circles=replace(finder, least_centre=NEVER))
+    )
     made["told the masks"] = lambda known: replace(ours, recognise=TrueMasks(list(known["labels"])))
     made["told which candidate fits"] = lambda known: replace(
-        ours, circles=BestCandidates(cast("FruitFinder", ours.circles), known)
+        ours, circles=BestCandidates(finder, known)
     )
     made["told the circles"] = lambda known: replace(ours, circles=TrueCircles(known))
     made["told masks and circles"] = lambda known: replace(
