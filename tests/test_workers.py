@@ -112,7 +112,9 @@ def with_recogniser(recognise: Any) -> Locator:
 @pytest.fixture
 def undescribed(monkeypatch: pytest.MonkeyPatch) -> None:
     """Stages of these tests have no name in the table of alternatives."""
-    monkeypatch.setattr(module, "describe", lambda locator: {"recognise": repr(locator.recognise)})
+    monkeypatch.setattr(
+        module, "describe", lambda locator: {"recognise": {"use": repr(locator.recognise)}}
+    )
     monkeypatch.setattr(module, "models_of", lambda _: {})
 
 
