@@ -1,4 +1,4 @@
-# Everything sets itself up in .venv; it needs Python 3.11 or later and make.
+# Everything sets itself up in .venv; it needs Python 3.11 or later with venv, and make.
 PYTHON ?= python3
 VENV := .venv
 RUN := $(VENV)/bin
@@ -35,18 +35,23 @@ format: $(VENV)/ready-dev
 $(VENV)/bin/python:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 		{ echo "pomolog needs Python 3.11 or later; try: make PYTHON=python3.12"; exit 1; }
-	$(PYTHON) -m venv $(VENV)
+	@$(PYTHON) -c 'import ensurepip' 2> /dev/null || \
+		{ echo "$(PYTHON) comes without venv; on Debian and Ubuntu: sudo apt install python3-venv"; exit 1; }
+	@$(PYTHON) -m venv $(VENV) || { rm -rf $(VENV); exit 1; }
 
 $(VENV)/ready: pyproject.toml | $(VENV)/bin/python
-	$(RUN)/python -m pip install --quiet --disable-pip-version-check --editable .
+	@echo "installing what pomolog needs into $(VENV) (once; 1.2 GB there, some minutes on a slow line)"
+	@$(RUN)/python -m pip install --quiet --disable-pip-version-check --editable .
 	@touch $@
 
 $(VENV)/ready-dev: pyproject.toml | $(VENV)/bin/python
-	$(RUN)/python -m pip install --quiet --disable-pip-version-check --editable '.[cluster,dev,orchard,s3,train]'
+	@echo "installing what pomolog and its tests need into $(VENV) (once; some minutes on a slow line)"
+	@$(RUN)/python -m pip install --quiet --disable-pip-version-check --editable '.[cluster,dev,orchard,s3,train]'
 	@touch $@ $(VENV)/ready
 
 $(VENV)/ready-orchard: pyproject.toml | $(VENV)/bin/python
-	$(RUN)/python -m pip install --quiet --disable-pip-version-check --editable '.[orchard]'
+	@echo "installing what the digital orchard needs into $(VENV) (once)"
+	@$(RUN)/python -m pip install --quiet --disable-pip-version-check --editable '.[orchard]'
 	@touch $@
 
 clean:

@@ -10,6 +10,7 @@ import typer
 
 from recorder.commands import AsJson, SessionArgument, command_group
 from recorder.errors import PomologError
+from recorder.words import counted
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -47,6 +48,7 @@ def replay(
     """Run a locator on sessions and keep every intermediate; run again, it goes on."""
     from processor.methods import load_method
     from processor.replay import replay as run
+    from processor.replay import useful_workers
     from recorder.objects import as_place
     from recorder.progress import progress
 
@@ -55,14 +57,15 @@ def replay(
     name, locator = load_method(method)
     places = [as_place(words) for words in sessions]
     done, errors = [], []
-    with progress("replaying", _count_pairs(places)) as tick:
+    pairs = _count_pairs(places)
+    with progress("replaying", sum(pairs)) as tick:
         for outcome in run(
             places,
             as_place(out),
             locator,
             method=name,
             seed=seed,
-            workers=workers or os.cpu_count() or 1,
+            workers=workers or useful_workers(pairs),
             cluster=cluster,
             rrd="full" if rrd == "full" else "none",
             tick=tick,
@@ -82,7 +85,7 @@ def replay(
             if r.warning:
                 typer.echo(f"pomolog: warning: {r.warning}", err=True)
             how = "there already" if r.resumed else f"{r.seconds:.1f} s"
-            print(f"{r.session}: {r.pairs} pairs -> {r.out} ({how})")
+            print(f"{r.session}: {counted(r.pairs, 'pair')} -> {r.out} ({how})")
     if len(errors) > 1:
         for error in errors:
             typer.echo(f"pomolog: {' '.join(str(error).split())}", err=True)
@@ -112,17 +115,17 @@ def methods(
         print(f"{known:18} {uses}{limit}")
 
 
-def _count_pairs(sessions: "Sequence[Place]") -> int:
-    """For the progress bar; a session that cannot be opened says so when its turn comes."""
+def _count_pairs(sessions: "Sequence[Place]") -> list[int]:
+    """Of each session that can be opened; another says what is wrong when its turn comes."""
     from recorder.session import read_info
 
-    total = 0
+    counts = []
     for path in sessions:
         try:
-            total += read_info(path).pairs
+            counts.append(read_info(path).pairs)
         except PomologError:
             continue
-    return total
+    return counts
 
 
 @app.command(epilog="Example: pomolog score results --by lighting")
@@ -130,7 +133,7 @@ def score(
     out: Annotated[
         list[str], typer.Argument(metavar="OUT...", help="Folders of results, or s3://, gs://.")
     ],
-    by: Annotated[str, typer.Option(help="Group by this metadata key: lighting, ...")] = "",
+    by: Annotated[str, typer.Option(help="Group by lighting, cultivar, ...; or method.")] = "",
     as_json: AsJson = False,
 ) -> None:
     """Hits, false positives, matches and distance errors of a run, from its counts."""
@@ -139,6 +142,11 @@ def score(
 
     runs = find_runs([as_place(words) for words in out])
     groups, lost = score_runs(runs, by), losses(runs)
+    methods = sorted({str(run.about["method"]) for run in runs})
+    if len(methods) > 1 and by != "method":
+        typer.echo(
+            f"pomolog: warning: {', '.join(methods)} are summed; apart: --by method", err=True
+        )
     if as_json:
         scores = {name: asdict(score) for name, score in groups.items()}
         print(json.dumps({"groups": scores, "ledger": lost}, indent=2))
@@ -147,6 +155,8 @@ def score(
 
     from processor.tables import score_table
 
+    if by == "method" and len(methods) > 1:
+        del groups["all"]  # methods summed say nothing of any
     Console().print(score_table(groups))
     if lost is not None:
         print("the recorder's ledger: " + ", ".join(f"{n} {what}" for what, n in lost.items()))
@@ -255,7 +265,7 @@ def export_frames(
         print(json.dumps({"out": str(out), **asdict(done)}))
     else:
         depth = f", {done.depths} depth pictures" if done.depths else ""
-        print(f"{out}: {done.pictures} pictures, {done.labels} labels{depth}")
+        print(f"{out}: {counted(done.pictures, 'picture')}, {counted(done.labels, 'label')}{depth}")
 
 
 @exports.command("results", epilog="Example: pomolog export results results/demo -o apples.csv")

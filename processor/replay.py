@@ -6,6 +6,7 @@ The work is (session, slice of its pairs), of all sessions together; `processor.
 
 import hashlib
 import json
+import os
 import shutil
 from collections import deque
 from collections.abc import Iterator, Sequence
@@ -105,6 +106,18 @@ def replay(
         finally:
             for run in begun:
                 run.close()
+
+
+def useful_workers(pairs: Sequence[int]) -> int:
+    """As many as there are cores, or slices if they are fewer.
+
+    For a single slice that is this process: it starts at once, and tells of each pair.
+
+    Args:
+        pairs: how many each session has.
+    """
+    slices = sum(-(-count // SLICE_PAIRS) for count in pairs)
+    return max(1, min(os.cpu_count() or 1, slices))
 
 
 def _next_job(begun: "deque[_Run]", waiting: "deque[_Run]") -> Job | None:

@@ -80,7 +80,8 @@ def score_runs(runs: Sequence[Run], by: str = "") -> dict[str, Score]:
 
     Args:
         runs: what to score.
-        by: a condition: lighting, cultivar, or whatever the sessions' metadata and notes say.
+        by: a condition: lighting, cultivar, or whatever the sessions' metadata and notes say;
+            or method.
 
     Raises:
         PomologError: no frame has that condition.
@@ -90,7 +91,7 @@ def score_runs(runs: Sequence[Run], by: str = "") -> dict[str, Score]:
     for run in runs:
         group_of = {}
         for row in read_table(run.folder, "frames").to_pylist():
-            conditions = dict(row["conditions"])
+            conditions = {**dict(row["conditions"]), "method": run.about["method"]}
             known |= conditions.keys()
             names = ["all"] + ([f"{by}={conditions[by]}"] if by in conditions else [])
             group_of[row["frame"]] = names

@@ -7,6 +7,7 @@ from rich.table import Table
 
 from processor.score import Detection, Errors, Interval, Matches, Score
 from processor.sureness import Curve
+from recorder.words import counted
 
 NOT_SCORED = "not scored"  # the truth does not say
 NOTHING = "-"  # it does, but there was none
@@ -18,13 +19,15 @@ def score_table(groups: Mapping[str, Score]) -> Table:
     table.add_column("", no_wrap=True)
     for name, score in groups.items():
         value = name.partition("=")[2] or name
-        table.add_column(f"{value}\n{score.frames} pairs", justify="right", min_width=9)
+        table.add_column(f"{value}\n{counted(score.frames, 'pair')}", justify="right", min_width=9)
     columns = [_lines(score) for score in groups.values()]
     for number, (label, _) in enumerate(columns[0]):
         if not label:
             table.add_section()
             continue
-        table.add_row(label, *(lines[number][1] for lines in columns))
+        values = [lines[number][1] for lines in columns]
+        if not label.startswith(" ") or set(values) != {NOTHING}:  # a row of dashes tells nobody
+            table.add_row(label, *values)
     return table
 
 
@@ -128,7 +131,10 @@ def _by_visibility(score: Score, unknown: str) -> list[tuple[str, str]]:
 def _curve(curve: Curve | None, unscored: bool) -> list[tuple[str, str]]:
     """Average precision, and how far what is said is from what is right."""
     unknown = NOT_SCORED if unscored else NOTHING
-    measures = ("average precision %", "average_precision"), ("said - right %", "calibration_error")
+    measures = (
+        ("average precision %", "average_precision"),
+        ("confidence off by %", "calibration_error"),
+    )
     rows = []
     for label, field in measures:
         value = None if curve is None else getattr(curve, field)

@@ -10,6 +10,7 @@ import typer
 
 from recorder.commands import AsJson, SessionArgument, SessionOutput, command_group
 from recorder.errors import PomologError, TornFileError
+from recorder.words import counted
 
 if TYPE_CHECKING:
     from recorder.capture import Recorder
@@ -57,8 +58,8 @@ def info(
     seconds = ((found.end_ns or 0) - (found.start_ns or 0)) / 1e9
     print(f"{session}: {found.profile}, {'whole' if found.whole else 'TORN'}")
     one_view = found.metadata.get("views") == "left"
-    views = "one view" if one_view else f"{found.pairs} stereo pairs"
-    print(f"  {views}, {found.frames} frames, {seconds:.1f} s")
+    views = "one view" if one_view else counted(found.pairs, "stereo pair")
+    print(f"  {views}, {counted(found.frames, 'frame')}, {seconds:.1f} s")
     for topic, count in sorted(found.topics.items()):
         print(f"  {topic:20} {count:7}")
     for title, entries in (("about", found.metadata), ("ledger", found.ledger)):
@@ -113,8 +114,9 @@ def salvage(
     from recorder.salvage import salvage as save
 
     wreck = save(torn, out)
-    print(f"{out}: {wreck.frames} frames from {wreck.chunks} complete chunks")
-    print(f"lost: {wreck.chunks_lost} damaged chunks, {wreck.bytes_lost} bytes in all")
+    frames, chunks = counted(wreck.frames, "frame"), counted(wreck.chunks, "complete chunk")
+    print(f"{out}: {frames} from {chunks}")
+    print(f"lost: {counted(wreck.chunks_lost, 'damaged chunk')}, {wreck.bytes_lost} bytes in all")
 
 
 @app.command(epilog="Example: pomolog simulate segmentation-front --fraction 0.1 -o S.mcap")
@@ -142,7 +144,7 @@ def simulate(
     todo = shots(asked, fraction, as_split(split))
     with progress("simulating", len(todo)) as tick:
         make(asked, todo, out, cache=cache, tick=tick)
-    print(f"{out}: {len(todo)} stereo pairs")
+    print(f"{out}: {counted(len(todo), 'stereo pair')}")
 
 
 @app.command(
@@ -199,6 +201,8 @@ def record(
         show=show,
         announce=lambda line: typer.echo(line, err=True),
     )
+    if console.is_terminal:
+        sys.stderr.write("\r\x1b[K")  # what follows begins its own line
     status = recorder.status()
     if as_json:
         files = [str(path) for path in recorder.files]
@@ -207,7 +211,7 @@ def record(
     for path in recorder.files:
         print(f"{path}: {path.stat().st_size / 1e6:.1f} MB")
     left, right = (status.stream(side) for side in ("left", "right"))
-    print(f"{status.pairs} pairs, {losses(left, right)}")
+    print(f"{counted(status.pairs, 'pair')}, {losses(left, right)}")
 
 
 def _preflight(plan: "Plan", as_json: bool) -> None:

@@ -68,7 +68,7 @@ def test_the_web_viewer_needs_no_screen_and_serves_this_machine_only(
     assert command[-1] == str(tmp_path / "trace.rrd")
     page, data = after(command, "--web-viewer-port"), after(command, "--port")
     address = f"http://127.0.0.1:{page}/?url=rerun%2Bhttp%3A%2F%2F127.0.0.1%3A{data}%2Fproxy"
-    assert said == [f"open in a browser: {address}"]
+    assert said == [f"open in a browser (Ctrl-C ends it): {address}"]
 
 
 def test_other_machines_are_served_where_somebody_asks(

@@ -45,3 +45,34 @@ def test_the_wheel_runs_the_demo_far_from_the_repository(wheel: Path, tmp_path: 
     assert not ran.returncode, ran.stderr
     assert str(tmp_path / "installed") in ran.stdout
     assert (tmp_path / "results" / "demo" / "demo" / "trace.rrd").is_file()
+
+
+def make(tmp_path: Path, python: str) -> subprocess.CompletedProcess[str]:
+    """`make demo` with a program for Python, and a place for .venv that nobody uses."""
+    program = tmp_path / "python"
+    program.write_text(python, encoding="utf-8")
+    program.chmod(0o755)
+    return subprocess.run(
+        ["make", "demo", f"PYTHON={program}", f"VENV={tmp_path / 'venv'}"],
+        cwd=ROOT, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("lacks", "advice"),
+    [("version_info", "make PYTHON=python3.12"), ("ensurepip", "sudo apt install python3-venv")],
+)
+def test_a_python_that_will_not_do_is_one_line_before_anything_is_made(
+    lacks: str, advice: str, tmp_path: Path
+) -> None:
+    made = make(tmp_path, f'#!/bin/sh\ncase "$*" in *{lacks}*) exit 1;; esac\n')
+    assert made.returncode
+    assert made.stdout.count("\n") == 1
+    assert advice in made.stdout
+    assert not (tmp_path / "venv").exists()
+
+
+def test_a_venv_that_was_not_finished_is_taken_away(tmp_path: Path) -> None:
+    python = 'case "$*" in *-m\\ venv*) mkdir -p $3/bin; touch $3/bin/python; exit 1;; esac'
+    assert make(tmp_path, f"#!/bin/sh\n{python}\n").returncode
+    assert not (tmp_path / "venv").exists()

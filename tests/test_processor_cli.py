@@ -200,3 +200,18 @@ def test_score_by_what_nobody_said_is_one_line(
 ) -> None:
     command("replay", session, "-o", tmp_path / "out", "--rrd", "none", "--workers", 1)
     assert_one_line(command("score", tmp_path / "out", "--by", "weather"), "weather", "lighting")
+
+
+def test_methods_that_are_summed_are_said_and_can_be_kept_apart(
+    command: Command, session: Path, tmp_path: Path
+) -> None:
+    outs = [tmp_path / method for method in ("paper", "area-only")]
+    for out in outs:
+        command("replay", session, "-o", out, "--method", out.name, "--rrd", "none")
+    summed = command("score", *outs)
+    assert summed.code == 0
+    assert summed.err == "pomolog: warning: area-only, paper are summed; apart: --by method\n"
+    apart = command("score", *outs, "--by", "method")
+    assert apart.err == ""
+    assert apart.out.split()[:2] == ["paper", "area-only"]
+    assert command("score", outs[0]).err == ""

@@ -21,7 +21,7 @@ from processor.circles import RandomRing
 from processor.locate import Locator
 from processor.match import AreaInOrder
 from processor.recognise import ColourRatio
-from processor.replay import Replayed, replay
+from processor.replay import Replayed, replay, useful_workers
 from processor.results import TABLES, join_tables, read_table, write_tables
 from recorder.errors import PomologError
 from recorder.files import only_writer
@@ -451,3 +451,12 @@ def test_changed_code_makes_new_results(tmp_path: Path, monkeypatch: pytest.Monk
     monkeypatch.setattr(module, "versions", lambda: (("source", "edited"),))
     monkeypatch.setattr(slices, "versions", lambda: (("source", "edited"),))
     assert not run([session], tmp_path / "out")[0].resumed
+
+
+def test_no_more_workers_than_slices_and_none_beside_us_for_one(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("os.cpu_count", lambda: 4)
+    assert [useful_workers(pairs) for pairs in ([], [7], [32], [33], [7, 7, 7], [1000])] == [
+        1, 1, 1, 2, 3, 4,
+    ]  # fmt: skip

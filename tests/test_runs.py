@@ -97,3 +97,13 @@ def test_what_recorders_lost_is_summed_over_streams_and_sessions(tmp_path: Path)
     assert {what: n for what, n in found.items() if n} == {
         "dropped": 3, "unpaired": 4, "reopened": 1,
     }  # fmt: skip
+
+
+def test_methods_are_a_group_like_any_condition(tmp_path: Path) -> None:
+    out = replayed(tmp_path, a="front")
+    for done in replay([tmp_path / "a.mcap"], tmp_path / "mine", Locator(), method="mine"):
+        assert isinstance(done, Replayed), done
+    groups = score_runs(find_runs([out, tmp_path / "mine"]), "method")
+    assert {name: score.frames for name, score in groups.items()} == {
+        "all": 4, "method=paper": 2, "method=mine": 2,
+    }  # fmt: skip

@@ -62,3 +62,19 @@ def test_five_groups_fit_80_columns_with_their_names_whole(width: int) -> None:
     assert text.splitlines()[1].split() == ["all", "front", "back", "cloudy", "indoor"]
     assert "…" not in text
     assert len(cells(text, "its 95 % interval")[0]) == 5
+
+
+def test_a_row_without_a_single_value_is_left_out_and_its_block_keeps_its_head() -> None:
+    frame = FrameRow((925, 53, 22), (925, 53, 22), (3, 1, 0), {})
+    found, none = (
+        score([frame], [FruitRow(0.8, 1.0, "right", -0.0123)]),
+        score([frame], [FruitRow(0.8, 1.0, "missed", None)]),
+    )
+    assert cells(printed(all=none), "distance errors") == [["-"]]
+    assert cells(printed(all=none), "bias mm") == []
+    assert cells(printed(all=none, front=found), "bias mm") == [["-", "-12.3"]]
+
+
+def test_one_pair_is_no_pairs() -> None:
+    one, two = (score([FrameRow(None, None, None, {})] * n, []) for n in (1, 2))
+    assert printed(one=one, two=two).splitlines()[2].split() == ["1", "pair", "2", "pairs"]

@@ -147,8 +147,6 @@ def demo(
     method: Annotated[str, typer.Option(help="A named method, or a .toml file.")] = "paper",
 ) -> None:
     """Replay the session that comes with pomolog, score it by lighting, say how to look at it."""
-    import os
-
     from rich.console import Console
 
     from processor.methods import load_method
@@ -161,9 +159,8 @@ def demo(
 
     session = DEMO_SESSION if DEMO_SESSION.is_file() else _drawn(out)
     name, locator = load_method(method)
-    workers = os.cpu_count() or 1
     with progress("replaying", read_info(session).pairs) as tick:
-        for outcome in replay([session], out, locator, method=name, workers=workers, tick=tick):
+        for outcome in replay([session], out, locator, method=name, tick=tick):
             if isinstance(outcome, PomologError):
                 raise outcome
     groups = score_runs(find_runs([out]), "lighting")
@@ -175,7 +172,9 @@ def demo(
     for recording in recordings:
         console.print(f"recording: {recording}", soft_wrap=True, highlight=False)
     command = "pomolog" if shutil.which("pomolog") else ".venv/bin/pomolog"
-    console.print(f"look at it with:  {command} view {out}", soft_wrap=True, highlight=False)
+    sheet = f"{command} sheet {recordings[0].parent} --frame 0 -o sheet.png"
+    for what, words in (("look at it with", f"{command} view {out}"), ("or one picture", sheet)):
+        console.print(f"{what + ':':17} {words}", soft_wrap=True, highlight=False)
 
 
 def _drawn(out: Path) -> Path:

@@ -52,7 +52,7 @@ def open_viewer(
         command += ["--serve-web", "--web-viewer-port", str(page_port)]
         # beyond a limit the oldest data go, so it is the user's to set one
         command += ["--server-memory-limit", memory or "90%"]
-        say(f"open in a browser: {page_address(bind, page_port, port)}")
+        say(f"open in a browser (Ctrl-C ends it): {page_address(bind, page_port, port)}")
     elif memory:
         command += ["--memory-limit", memory]
     try:

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from recorder.commands import AsJson, SessionArgument, SessionOutput, command_group
+from recorder.words import counted
 
 app = command_group()
 imports = typer.Typer(no_args_is_help=True)
@@ -59,7 +60,8 @@ def frames(
             lighting=lighting.split(",") if lighting else (),
             tick=tick,
         )
-    print(f"{out}: {len(pairs)} {'stereo pairs' if right else 'pictures of one view'}")
+    views = "stereo pair" if right else "picture"
+    print(f"{out}: {counted(len(pairs), views)}{'' if right else ' of one view'}")
 
 
 @imports.command(epilog="Example: pomolog import bag row7/ --tolerance 10ms -o row7.mcap")
