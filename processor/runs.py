@@ -40,11 +40,19 @@ def find_runs(outs: Sequence[Place]) -> tuple[Run, ...]:
         found = [out] if (out / "run.json").is_file() else []
         found += sorted(path.parent for path in out.glob("*/run.json"))
         if not found:
-            raise PomologError(
-                f"no results in {place}; make them with: pomolog replay S -o {place}"
-            )
+            raise _no_results(place)
         runs |= {folder.resolve(): Run(folder, read_run(folder / "run.json")) for folder in found}
     return tuple(runs.values())
+
+
+def _no_results(place: Place) -> PomologError:
+    if place.name.endswith(".mcap"):
+        now = f"{place} is no folder of results; make one with: pomolog replay {place} -o results"
+    elif place.is_file():
+        now = f"{place} is a file; results are a folder, give what was -o of pomolog replay"
+    else:
+        now = f"no results in {place}; make them with: pomolog replay S -o {place}"
+    return PomologError(now)
 
 
 def _copy(out: ObjectPath) -> Path:

@@ -111,8 +111,10 @@ def salvage(
     out: SessionOutput,
 ) -> None:
     """Make a whole session of what a torn or damaged one still has."""
+    from recorder.files import require_ending
     from recorder.salvage import salvage as save
 
+    require_ending(out, ".mcap")
     wreck = save(torn, out)
     frames, chunks = counted(wreck.frames, "frame"), counted(wreck.chunks, "complete chunk")
     print(f"{out}: {frames} from {chunks}")
@@ -135,11 +137,13 @@ def simulate(
     ] = None,
 ) -> None:
     """Make a session in the digital orchard: photo-like pictures with exact truth."""
+    from recorder.files import require_ending
     from recorder.orchard.scene import as_split, load_scene, shots
     from recorder.orchard.simulate import preview_of
     from recorder.orchard.simulate import simulate as make
     from recorder.progress import progress
 
+    require_ending(out, ".mcap")
     asked = preview_of(load_scene(scene)) if preview else load_scene(scene)
     todo = shots(asked, fraction, as_split(split))
     with progress("simulating", len(todo)) as tick:

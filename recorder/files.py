@@ -38,6 +38,16 @@ def replacing(path: Path) -> Iterator[Path]:
             raise
 
 
+def require_ending(path: Path, *endings: str) -> None:
+    """Refuse a name that says another kind of file; one without an ending says nothing wrong.
+
+    Raises:
+        PomologError: it does.
+    """
+    if path.suffix and path.suffix.lower() not in endings:
+        raise PomologError(f"{path} should end in {' or '.join(endings)}; give such a name")
+
+
 def write_text(path: Path, text: str) -> None:
     """Write a text file whole or not at all.
 
@@ -55,11 +65,18 @@ def writable(path: Path) -> Iterator[None]:
         yield
     except OSError as error:
         reason = error.strerror or str(error)
+        if error.errno in (errno.EEXIST, errno.ENOTDIR):
+            reason = f"{_file_in_the_way(path)} is a file, not a folder"
         full = error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
         now = "make room, or choose" if full else "choose"
         raise PomologError(
             f"cannot write {path}: {reason}; {now} another place with -o/--out"
         ) from error
+
+
+def _file_in_the_way(path: Path) -> Path:
+    """The part of a path that should be a folder and is a file."""
+    return next((part for part in (path, *path.parents) if part.is_file()), path)
 
 
 @contextmanager

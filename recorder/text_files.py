@@ -47,8 +47,10 @@ def require_size(path: Path, limit: str = "text") -> None:
     """Refuse a text that is too large before it is read; `limit` is one of `Limits`.
 
     Raises:
-        PomologError: it is, or there is no such file.
+        PomologError: it is, or there is no such file, or a folder of that name.
     """
+    if path.is_dir():
+        raise PomologError(f"{path} is a folder; give the file itself")
     try:
         size = path.stat().st_size
     except OSError as error:

@@ -99,11 +99,12 @@ def report(
     as_json: AsJson = False,
 ) -> None:
     """One page to send: what was run, the score, plots, the ledger, the worst cases in pictures."""
-    from recorder.files import replacing
+    from recorder.files import replacing, require_ending
     from recorder.progress import progress
     from viewer.report import make_report, steps
     from viewer.report_columns import columns_of
 
+    require_ending(page, ".html", ".htm")
     columns = columns_of(out, by)
     with replacing(page) as part:
         with progress("reporting", steps(columns, worst)) as tick:
@@ -127,9 +128,10 @@ def sheet(
     as_json: AsJson = False,
 ) -> None:
     """Every stage of one frame in one picture; the frame is located again, as the run did it."""
-    from recorder.files import replacing
+    from recorder.files import replacing, require_ending
     from viewer.sheet import make_sheet
 
+    require_ending(picture, ".png")
     with replacing(picture) as part:
         made = make_sheet(out, frame, [session] if session else ())
         part.write_bytes(made.png)

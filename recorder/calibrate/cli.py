@@ -80,6 +80,7 @@ def calibrate(
     from recorder.calibrate.sources import source_of
     from recorder.calibrate.views import sight
     from recorder.errors import PomologError
+    from recorder.files import require_ending
     from recorder.progress import progress
     from recorder.rig_files import format_of, write_rig
 
@@ -91,6 +92,8 @@ def calibrate(
     wanted, model = parse_board(board), as_lens(lens)
     if out is not None:
         format_of(out)  # a wrong name is told before the work, not after it
+    if report is not None:
+        require_ending(report, ".html", ".htm")
     source = source_of(pictures, views)
     if rangefinder and source.session is None:
         raise PomologError("--rangefinder needs a session with readings, not pictures alone")
@@ -176,7 +179,10 @@ def _beam_by_apples(pictures: list[Path], out: Path | None, *, as_json: bool) ->
     from recorder.session import Session
 
     if len(pictures) != 1 or pictures[0].suffix.lower() != ".mcap":
-        raise PomologError("--rangefinder without --board needs one labelled session (.mcap)")
+        raise PomologError(
+            "--rangefinder without --board needs one labelled session (.mcap), "
+            f"not {' '.join(map(str, pictures))}"
+        )
     with Session(pictures[0]) as session:
         rig = session.rig
     beam = fit_beam(readings_on_apples(pictures[0]), rig.rangefinder)

@@ -41,12 +41,14 @@ def frames(
     site: Annotated[str, typer.Option(help="Where it was recorded.")] = "",
 ) -> None:
     """Import PNG, JPEG or WebP pictures, byte for byte; folders are paired in name order."""
+    from recorder.files import require_ending
     from recorder.imports.frames import import_frames, picture_pairs, single_pictures
     from recorder.progress import progress
     from recorder.rig import load_rig
 
     if right is not None and rig is None:
         raise typer.BadParameter("two views need their calibration", param_hint="--rig")
+    require_ending(out, ".mcap")
     pairs = single_pictures(left) if right is None else picture_pairs(left, right)
     about = {"cultivar": cultivar, "site": site}
     metadata = {key: value for key, value in about.items() if value}
@@ -90,6 +92,7 @@ def bag(
     Without flags the topics are guessed from their names and first messages; a flag overrules the
     guess, and - says that there is none. One view and depth make a session of one view.
     """
+    from recorder.files import require_ending
     from recorder.imports.bag import Bag
     from recorder.imports.bag_roles import assign_roles
     from recorder.imports.bag_session import import_bag
@@ -103,6 +106,7 @@ def bag(
     tolerance_ns = read_duration_ns(tolerance, "--tolerance") if tolerance else None
     if tolerance_ns is not None and tolerance_ns < 0:
         raise typer.BadParameter("not negative", param_hint="--tolerance")
+    require_ending(out, ".mcap")
     found = Bag(source)
     wanted = {
         "left": left, "right": right, "left_info": left_info, "right_info": right_info,
@@ -170,6 +174,7 @@ def label(
     frames` gave them. Boxes and circles say no pixels, so none are scored; an apple has the same
     number in both views, or matches are not scored. See docs/interchange.md.
     """
+    from recorder.files import require_ending
     from recorder.imports.labels import READERS, LabelTruth
     from recorder.imports.masks import MaskTruth, Truth, label_session
     from recorder.progress import progress
@@ -186,6 +191,7 @@ def label(
         raise typer.BadParameter("left or right", param_hint="--view")
     if masks is None and (apples is not None or instances):
         raise typer.BadParameter("only with --masks", param_hint="--apples, --instances")
+    require_ending(out, ".mcap")
     ((tool, path),) = sources.items()
     with Session(session) as opened, progress("labelling", len(opened)) as tick:
         labels: Truth
