@@ -22,6 +22,7 @@ from rich.table import Table
 
 from benchmarks.growth import replays
 from benchmarks.material import JPEG
+from benchmarks.start import help_start
 from processor.methods import METHODS
 from recorder.pictures import decode
 from recorder.records import Frame, StereoPair
@@ -90,7 +91,7 @@ def main() -> None:
     words = parser.parse_args()
     cv2.setNumThreads(1)
     seconds = measure(words.session, words.rounds)
-    ratios = located(seconds)
+    ratios = help_start() | located(seconds)
     with tempfile.TemporaryDirectory() as folder:
         ratios |= replays(Path(folder), words.session, words.pairs, words.rounds)
     shown = Table(title=f"{words.session}, medians of {words.rounds} rounds")

@@ -264,28 +264,3 @@ def test_nothing_to_play_is_one_line(tmp_path: Path, name: str) -> None:
     (tmp_path / "empty").mkdir()
     with pytest.raises(PomologError, match="no pictures to play"):
         open_camera(CameraSettings("files", str(tmp_path / name)))
-
-
-@pytest.mark.parametrize(
-    ("module", "code", "extra"),
-    [
-        ("gi", "open_camera(CameraSettings('aravis', 'x'))", "pomolog[aravis]"),
-        ("pypylon", "open_camera(CameraSettings('pylon', 'x'))", "pomolog[pylon]"),
-        ("av", "open_camera(CameraSettings('av', 'x'))", "pomolog[av]"),
-        ("serial", "SerialPort(RangefinderSettings('benewake', 'x'), None)", "pomolog[serial]"),
-    ],
-)
-def test_a_missing_extra_is_one_line_that_names_it(module: str, code: str, extra: str) -> None:
-    script = (
-        f"import sys; sys.modules[{module!r}] = None\n"
-        "from recorder.cameras import open_camera\n"
-        "from recorder.equipment import CameraSettings, RangefinderSettings\n"
-        "from recorder.rangefinders.port import SerialPort\n"
-        f"{code}\n"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", script], capture_output=True, text=True, check=False
-    )
-    last = done.stderr.strip().splitlines()[-1]
-    assert last.startswith("recorder.errors.PomologError")
-    assert f"pip install '{extra}'" in last

@@ -7,6 +7,7 @@ from importlib import import_module
 
 import pytest
 
+from benchmarks.start import help_start
 from pomolog import COMMANDS
 
 
@@ -35,6 +36,13 @@ def test_help_loads_nothing_that_only_commands_need() -> None:
     before = run_python("import sys; print(*sorted(sys.modules))")
     loaded = run_python(code)
     assert not (loaded - before) & heavy
+
+
+def test_the_benchmark_of_the_start_compares_two_starts() -> None:
+    ((name, ratios),) = help_start(2).items()
+    assert "--help" in name
+    assert len(ratios) == 2
+    assert min(ratios) > 0
 
 
 def run_python(code: str) -> set[str]:

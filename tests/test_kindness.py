@@ -8,6 +8,7 @@ import select
 import shutil
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import cv2
@@ -19,7 +20,9 @@ from recorder.rig_files import write_rig
 from recorder.session import Session
 from tests.builders import encoded
 from tests.test_long_life import RESULTS, SESSION, newer_results, newer_session
-from tests.test_processor_cli import Command, assert_one_line
+from tests.test_processor_cli import Command, Said, assert_one_line
+
+ROOT = Path(__file__).parent.parent
 
 # every way to give a command something to read (IN) and a name to write (OUT)
 READS_SESSION = (
@@ -164,6 +167,46 @@ def test_a_name_of_another_kind_of_file_is_refused_before_the_work(
 @pytest.mark.parametrize("line", ["replay good.mcap -o OUT", "salvage good.mcap -o OUT/s.mcap"])
 def test_a_file_where_a_folder_should_be_is_named(line: str, command: Command) -> None:
     assert_one_line(command(*typed(line, "", "notes.txt")), "notes.txt is a file, not a folder")
+
+
+# what serves each extra, and the module that is missing without it
+EXTRAS = {
+    "aravis": ("record --rig aravis.toml --out OUT", "gi"),
+    "pylon": ("record --rig pylon.toml --out OUT", "pypylon"),
+    "av": ("record --rig av.toml --out OUT", "av"),
+    "serial": ("record --rig serial.toml --out OUT", "serial"),
+    "orchard": ("simulate segmentation-front -o OUT.mcap", "mitsuba"),
+    "cluster": ("replay good.mcap -o OUT --cluster tcp://127.0.0.1:1", "distributed"),
+    "s3": ("info s3://orchard/row.mcap", "s3fs"),
+    "gs": ("info gs://orchard/row.mcap", "gcsfs"),
+}
+NO_COMMAND = {"dev", "catalog"}  # tools of ours; queries of one's own (docs/catalog.md)
+
+
+def test_every_extra_is_tried() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert EXTRAS.keys() | NO_COMMAND == project["optional-dependencies"].keys()
+
+
+@pytest.mark.usefixtures("command")
+@pytest.mark.parametrize("extra", EXTRAS)
+def test_a_missing_extra_is_one_line_that_names_it(extra: str) -> None:
+    line, module = EXTRAS[extra]
+    rig = Path("rig.toml").read_text(encoding="utf-8")
+    driver, device = (extra, "x") if extra in ("aravis", "pylon", "av") else ("files", "pictures")
+    for side in ("left", "right"):
+        rig += f'\n[cameras.{side}]\ndriver = "{driver}"\ndevice = "{device}"\nrate_hz = 5.0\n'
+    if extra == "serial":
+        rig += '\n[rangefinder_device]\ndriver = "benewake"\nport = "/dev/x"\n'
+    Path(f"{extra}.toml").write_text(rig, encoding="utf-8")
+    ran = subprocess.run(
+        [sys.executable, "-c",
+         f"import sys; sys.modules[{module!r}] = None; import pomolog; pomolog.main()",
+         *typed(line, "")],
+        capture_output=True, text=True, check=False, env=os.environ | {"PYTHONPATH": str(ROOT)},
+    )  # fmt: skip
+    assert_one_line(Said(ran.returncode, ran.stdout, ran.stderr), f"pip install 'pomolog[{extra}]'")
+    assert not list(Path().glob("made/*"))
 
 
 # all help there is, and a score: what a terminal shows in colour
