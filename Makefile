@@ -22,7 +22,8 @@ bench: $(VENV)/ready-dev
 docs: $(VENV)/ready-dev # the site of docs/, in results/site/index.html
 	$(RUN)/python -m sphinx --builder html --nitpicky --fail-on-warning --quiet docs results/site
 
-docs-pictures: $(VENV)/ready-dev # of docs/debugging.md; needs Mesa's Vulkan (mesa-vulkan-drivers)
+docs-pictures: $(VENV)/ready-dev # needs Chromium and Mesa's Vulkan (mesa-vulkan-drivers)
+	$(RUN)/python -m tests.visual.documents
 	$(RUN)/python -m tests.visual.debugging
 
 sessions: $(VENV)/ready-orchard # about an hour; also needs LLVM 19 (on Debian: libllvm19)

@@ -18,7 +18,7 @@ from processor.methods import METHODS, STAGES
 from processor.results import TABLES
 from recorder.errors import PomologError
 from recorder.messages import SCHEMAS
-from recorder.profile import PROFILE, TOPICS
+from recorder.profile import MEANINGS, PROFILE, TOPICS
 
 ROOT = Path(__file__).parent.parent
 PACKAGES = ("recorder", "processor", "viewer")
@@ -40,8 +40,11 @@ def session() -> Iterator[str]:
     yield f"# The session profile `{PROFILE}`"
     yield "\nOne MCAP file; see also [the architecture](../architecture.md#the-session).\n"
     yield from table(
-        ("topic", "schema"),
-        ((f"`{topic}`", f"`{kind.DESCRIPTOR.full_name}`") for topic, kind in TOPICS.items()),
+        ("topic", "schema", "meaning"),
+        (
+            (f"`{topic}`", f"`{kind.DESCRIPTOR.full_name}`", MEANINGS[topic])
+            for topic, kind in TOPICS.items()
+        ),
     )
     yield "\nMessages of our own (`?` may be absent, `*` repeats):\n"
     for message, columns in SCHEMAS.items():

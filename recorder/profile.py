@@ -69,6 +69,22 @@ TOPICS: Final[dict[str, Any]] = {
     "/recorder/stamps": FrameStampMessage,
     "/depth": RawImage,
 }
+# what a message of each says, for the reference and for who reads a session without pomolog
+MEANINGS: Final[dict[str, str]] = {
+    "/left/image": "a picture of the left camera; foxglove.RawImage where they are not compressed",
+    "/right/image": "its partner; pairs are made of times, by the skew that the session allows",
+    "/left/calibration": "size, lens, and the rectification of the left camera; once",
+    "/right/calibration": "the same of the right; P[3] = -fx B, with the baseline B in metres",
+    "/tf": "where the right camera and the rangefinder are, seen from the left camera",
+    "/rangefinder": "an answer of the rangefinder, with or without a distance, and its raw text",
+    "/truth/left": "16-bit PNG at the time of the left picture: 0 none, 65535 counts neither way",
+    "/truth/right": "the same of the right picture; an apple has one number in both",
+    "/truth/apples": "the apples of one pair in space, and what its truth leaves open",
+    "/notes": "what the operator typed; key=value is a condition from then on",
+    "/recorder/status": "each second: every stream's counts, the skew, the queue, the disk",
+    "/recorder/stamps": "a frame's own id, its device, wall and monotonic times",
+    "/depth": "a depth for each pixel of the left picture: 16UC1 in mm, 32FC1 in m",
+}
 IMAGE_TOPICS: Final[dict[Side, str]] = {"left": "/left/image", "right": "/right/image"}
 RIG_TOPICS: Final = ("/left/calibration", "/right/calibration", "/tf")
 TRUTH_TOPICS: Final = ("/truth/left", "/truth/right", "/truth/apples")

@@ -9,7 +9,7 @@ from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
 from recorder.container import Container
-from recorder.profile import TOPICS, encode_rig
+from recorder.profile import MEANINGS, TOPICS, encode_rig
 from recorder.records import Encoding, Note
 from recorder.rectify import rectify
 from recorder.session_writer import SessionWriter
@@ -153,3 +153,7 @@ def test_transforms_place_the_right_camera_and_the_beam_in_the_left_frame() -> N
     assert place.x > 0.19  # the right camera is on the right
     origin = transforms["rangefinder"].translation
     assert [origin.x, origin.y, origin.z] == pytest.approx(rangefinder().origin_m.tolist())
+
+
+def test_every_topic_says_what_it_means_in_the_order_of_the_topics() -> None:
+    assert list(MEANINGS) == list(TOPICS)

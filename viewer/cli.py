@@ -174,7 +174,7 @@ def demo(
     for recording in recordings:
         console.print(f"recording: {recording}", soft_wrap=True, highlight=False)
     command = "pomolog" if shutil.which("pomolog") else ".venv/bin/pomolog"
-    sheet = f"{command} sheet {recordings[0].parent} --frame 0 -o sheet.png"
+    sheet = f"{command} sheet {recordings[0].parent} --frame 3 -o sheet.png"
     for what, words in (("look at it with", f"{command} view {out}"), ("or one picture", sheet)):
         console.print(f"{what + ':':17} {words}", soft_wrap=True, highlight=False)
 
