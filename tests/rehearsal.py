@@ -66,8 +66,9 @@ def rig_with_pictures(
 
 
 def start(rig: Path, out: Path, *more: str) -> "subprocess.Popen[str]":
-    """Start a recording named `row`."""
-    words = ["record", "--rig", str(rig), "--out", str(out), "--name", "row", *more]
+    """Start a recording named `row`; one that a failed test forgets does not fill the disk."""
+    asked = ["record", "--rig", str(rig), "--out", str(out), "--name", "row"]
+    words = [*asked, "--duration", "90", *more]
     return subprocess.Popen(
         [sys.executable, "-m", "pomolog", *words],
         stdin=subprocess.PIPE,

@@ -52,9 +52,10 @@ def make(tmp_path: Path, python: str) -> subprocess.CompletedProcess[str]:
     program = tmp_path / "python"
     program.write_text(python, encoding="utf-8")
     program.chmod(0o755)
+    environ = {k: v for k, v in os.environ.items() if not k.startswith("MAKE")}  # `make test` sets
     return subprocess.run(
         ["make", "demo", f"PYTHON={program}", f"VENV={tmp_path / 'venv'}"],
-        cwd=ROOT, capture_output=True, text=True, check=False,
+        cwd=ROOT, env=environ, capture_output=True, text=True, check=False,
     )  # fmt: skip
 
 

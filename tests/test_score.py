@@ -14,6 +14,7 @@ from processor.score import (
     score,
     wilson95,
 )
+from processor.sureness import Judged
 
 
 def frame(
@@ -160,6 +161,52 @@ def test_errors_are_told_by_visibility_and_by_range() -> None:
     assert by_range == {
         "below 0.4 m": 1, "0.4-0.7 m": 1, "0.7-1.0 m": None, "1.0-1.5 m": 2, "above 1.5 m": 1,
     }  # fmt: skip
+
+
+def test_fruit_is_found_by_what_each_view_sees_of_it_and_false_ones_count_in_every_class() -> None:
+    fruit = [
+        FruitRow(1.0, 0.1, None, None, None, ((0.1, True), (0.49, False))),
+        FruitRow(1.0, 0.09, None, None, None, ((0.09, True), (0.5, True))),
+        FruitRow(1.0, None, None, None, None, ((1.0, False), (None, True))),
+    ]
+    found = score([frame(fruit=(2, 3, 1)), frame(), frame(fruit=(0, 1, 0))], fruit)
+    counts = {k: d and (d.tp, d.fp, d.fn) for k, d in found.fruit_by_visibility.items()}
+    assert counts == {"10-50%": (1, 4, 1), "50-100%": (1, 4, 1)}
+
+
+def test_fruit_by_visibility_is_known_as_far_as_its_frames_and_views_are() -> None:
+    seen = [FruitRow(1.0, 1.0, None, None, None, ((1.0, True), (0.9, True)))]
+    partial = score([frame(fruit=(1, 2, 0)), frame(fruit=(1, None, 0))], seen)
+    clearly = partial.fruit_by_visibility["50-100%"]
+    assert clearly is not None
+    assert (clearly.tp, clearly.fp, clearly.fn) == (2, None, 0)
+    assert partial.fruit_by_visibility["10-50%"] is None  # nobody is half hidden
+    assert set(score([frame()], seen).fruit_by_visibility.values()) == {None}  # not counted
+    assert set(score([frame(fruit=(1, 0, 0))], []).fruit_by_visibility.values()) == {None}
+
+
+def test_an_interval_covers_errors_of_either_sign_up_to_196_standard_deviations() -> None:
+    fruit = [
+        FruitRow(1.0, 1.0, None, 0.0195, 0.01),
+        FruitRow(1.0, 1.0, None, -0.0195, 0.01),
+        FruitRow(1.0, 1.0, None, -0.0197, 0.01),
+        FruitRow(1.0, 0.6, None, 1.96 * 0.5, 0.5),  # at its very end
+        FruitRow(1.0, 0.6, None, 0.001, None),  # no interval was given
+    ]
+    found = score([], fruit)
+    assert found.covered95 == {
+        "all": 0.75, "10-50%": None, "50-90%": 1.0, "90-100%": pytest.approx(2 / 3),
+    }  # fmt: skip
+
+
+def test_recall_by_confidence_is_of_all_that_should_be_found() -> None:
+    frames = [frame(fruit=(2, 1, 3)), frame()]
+    fruit = [FruitRow(1.0, 1.0, "right", None), FruitRow(1.0, 1.0, "missed", None),
+             FruitRow(1.0, 0.2, None, None)]  # fmt: skip
+    sure = {"fruit": [Judged(0.9, True)] * 2, "matches": [Judged(0.9, True)]}
+    curves = score(frames, fruit, sure).by_confidence
+    assert {what: one and one.wanted for what, one in curves.items()} == {"fruit": 5, "matches": 2}
+    assert score([frame()], [], sure).by_confidence == {"fruit": None, "matches": None}
 
 
 def test_a_session_without_truth_is_not_scored() -> None:

@@ -78,3 +78,18 @@ def test_a_demo_without_the_repository_draws_its_session_once(
     assert (tmp_path / "out" / "out" / "trace.rrd").is_file()
     again = command("demo", "-o", tmp_path / "out")
     assert (again.code, again.err) == (0, "")
+
+
+def test_the_demo_names_a_command_that_is_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    programs = tmp_path / "far" / "bin"
+    programs.mkdir(parents=True)
+    monkeypatch.setattr("sys.executable", str(programs / "python"))
+    monkeypatch.chdir(tmp_path)
+    assert viewer.cli._beside_python() == f"{programs / 'python'} -m pomolog"
+    (programs / "pomolog").touch()
+    (tmp_path / "far" / "elsewhere").mkdir()
+    assert viewer.cli._beside_python() == "far/bin/pomolog"
+    monkeypatch.chdir(programs.parent / "elsewhere")
+    assert viewer.cli._beside_python() == str(programs / "pomolog")

@@ -2,6 +2,7 @@
 
 import json
 import shutil
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -173,10 +174,18 @@ def demo(
     lay_out(recordings)
     for recording in recordings:
         console.print(f"recording: {recording}", soft_wrap=True, highlight=False)
-    command = "pomolog" if shutil.which("pomolog") else ".venv/bin/pomolog"
+    command = "pomolog" if shutil.which("pomolog") else _beside_python()
     sheet = f"{command} sheet {recordings[0].parent} --frame 3 -o sheet.png"
     for what, words in (("look at it with", f"{command} view {out}"), ("or one picture", sheet)):
         console.print(f"{what + ':':17} {words}", soft_wrap=True, highlight=False)
+
+
+def _beside_python() -> str:
+    """What to type where no activated environment has the command."""
+    script = Path(sys.executable).with_name("pomolog")
+    if not script.is_file():
+        return f"{sys.executable} -m pomolog"
+    return str(script.relative_to(Path.cwd()) if script.is_relative_to(Path.cwd()) else script)
 
 
 def _drawn(out: Path) -> Path:
