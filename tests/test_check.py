@@ -5,17 +5,8 @@ import pytest
 from recorder.check import Finding, check
 from recorder.records import Frame, RangeReading
 from recorder.session_writer import SessionWriter
-from tests.builders import (
-    SECOND_NS,
-    SIZE_PX,
-    encoded,
-    flipped,
-    frame,
-    real_rig,
-    rig,
-    session_file,
-    torn,
-)
+from tests.builders import SECOND_NS, SIZE_PX, encoded, frame, real_rig, rig, session_file
+from tests.mcap_files import flipped, torn
 
 
 def texts(findings: tuple[Finding, ...], level: str) -> list[str]:

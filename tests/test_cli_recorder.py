@@ -13,17 +13,8 @@ import pytest
 
 import pomolog
 from recorder.session import Session, read_info
-from tests.builders import (
-    DATA,
-    RIG_TOML,
-    encoded,
-    flipped,
-    labels,
-    picture_folders,
-    rig_file,
-    session_file,
-    torn,
-)
+from tests.builders import DATA, RIG_TOML, encoded, labels, picture_folders, rig_file, session_file
+from tests.mcap_files import flipped, torn
 
 ROOT = Path(__file__).parents[1]
 COMMANDS = [["info"], ["check"], ["salvage"], ["label"], ["import"], ["import", "frames"]]

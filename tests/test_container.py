@@ -20,19 +20,8 @@ from recorder.container import Container
 from recorder.errors import PomologError, TornFileError
 from recorder.limits import Limits
 from recorder.session import Session
-from tests.builders import (
-    DATA,
-    HandChunk,
-    HandFile,
-    changed,
-    content,
-    encoded,
-    flipped,
-    record,
-    records_in,
-    session_file,
-    torn,
-)
+from tests.builders import DATA, content, encoded, session_file
+from tests.mcap_files import HandChunk, HandFile, changed, flipped, record, records_in, torn
 
 MIB = 1 << 20
 

@@ -24,7 +24,8 @@ from recorder.rig import parallel_rig
 from recorder.session import Session
 from recorder.session_writer import SessionWriter
 from tests.bags import FORWARD, START_NS, Ros, foxglove_bag, small_picture, stereo_bag
-from tests.builders import DATA, SECOND_NS, changed, encoded, record, session_file
+from tests.builders import DATA, SECOND_NS, encoded, session_file
+from tests.mcap_files import changed, record
 from tests.real_parts import missing
 
 MS = 1_000_000

@@ -22,7 +22,8 @@ from recorder.records import Depth, Encoding, Frame
 from recorder.salvage import salvage
 from recorder.session import Session
 from recorder.session_writer import SessionWriter
-from tests.builders import SECOND_NS, frame, picture_folders, records_in, torn
+from tests.builders import SECOND_NS, frame, picture_folders
+from tests.mcap_files import records_in, torn
 from tests.scenes import TINY, apple, draw, tiny_rig
 from tests.scenes import encoded as drawn
 from tests.test_profile import rerun_columns

@@ -12,17 +12,8 @@ from recorder.mcap_records import MAGIC, RawMessage, parse_chunk, unpack_chunk
 from recorder.profile import TOPICS
 from recorder.salvage import salvage, survey
 from recorder.session import Session, read_info
-from tests.builders import (
-    HandChunk,
-    HandFile,
-    changed,
-    content,
-    flipped,
-    record,
-    records_in,
-    session_file,
-    torn,
-)
+from tests.builders import content, session_file
+from tests.mcap_files import HandChunk, HandFile, changed, flipped, record, records_in, torn
 
 NAMES = list(TOPICS)
 

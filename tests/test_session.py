@@ -25,8 +25,6 @@ from recorder.session_writer import SessionWriter
 from tests.builders import (
     SECOND_NS,
     SIZE_PX,
-    HandChunk,
-    HandFile,
     content,
     encoded,
     frame,
@@ -37,6 +35,7 @@ from tests.builders import (
     session_file,
     truth,
 )
+from tests.mcap_files import HandChunk, HandFile
 
 
 def only_pair(path: Path) -> StereoPair:

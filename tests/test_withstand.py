@@ -26,7 +26,8 @@ from recorder.imports.masks import MaskTruth
 from recorder.limits import Limits, limits_from
 from recorder.rig import load_rig
 from recorder.text_files import read_toml
-from tests.builders import RIG_TOML, changed, content, rig_file, session_file
+from tests.builders import RIG_TOML, content, rig_file, session_file
+from tests.mcap_files import changed
 from tests.scenes import TINY, apple, stereo_session, tiny_rig
 
 SETTINGS = settings(

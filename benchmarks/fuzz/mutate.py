@@ -14,7 +14,7 @@ from mcap.opcode import Opcode
 from recorder.container import Container
 from recorder.mcap_records import RECORD_PREFIX, RawMessage
 from recorder.message_writer import MessageWriter
-from tests.builders import records_in
+from tests.mcap_files import records_in
 
 ODD_NUMBERS: Final = (
     "0", "-1", "1", "nan", "inf", "-inf", "1e308", "-1e-320", "9" * 25, "9" * 5000, "2147483648",
