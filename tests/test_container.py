@@ -308,6 +308,28 @@ def test_one_chunk_listed_many_times_is_refused(tmp_path: Path) -> None:
         refusal(path)
 
 
+def test_a_chunk_without_message_indexes_listed_twice_is_refused(tmp_path: Path) -> None:
+    path = HandFile([HandChunk()], index_copies=2).write(tmp_path / "s.mcap")
+    with pytest.raises(PomologError, match="one over the other"):
+        Container(path)
+
+
+def test_a_message_index_that_says_another_length_is_refused(tmp_path: Path) -> None:
+    whole = HandFile([HandChunk([(1, 0, b"x")])], {1: "/notes"}).write(tmp_path / "s.mcap")
+    length_at = record(whole, Opcode.MESSAGE_INDEX).body + 2
+    path = changed(whole, length_at, (32).to_bytes(4, "little"))
+    with Container(path) as container, pytest.raises(PomologError, match="do not add up"):
+        container.times_ns("/notes")
+
+
+def test_a_range_begins_with_the_last_message_of_a_chunk(tmp_path: Path) -> None:
+    chunks = [HandChunk([(1, 0, b"a"), (1, 10, b"b")]), HandChunk([(1, 20, b"c")])]
+    path = HandFile(chunks, {1: "/notes"}).write(tmp_path / "s.mcap")
+    with Container(path) as container:
+        found = [m.data for m in container.messages(start_ns=10, stop_ns=20)]
+    assert found == [b"b"]
+
+
 def test_a_message_from_outside_its_chunks_time_is_refused(tmp_path: Path) -> None:
     path = HandFile([HandChunk([(1, 50, b"x")], times_ns=(0, 10))]).write(tmp_path / "s.mcap")
     with Container(path) as container, pytest.raises(PomologError, match="outside its time"):

@@ -1,6 +1,7 @@
 """Sessions of one camera, with and without depth: written, read, looked after, salvaged, scored."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +19,7 @@ from recorder.imports.masks import MaskTruth, label_session
 from recorder.imports.shapes import PictureLabels, Shape
 from recorder.one_view import ONE_VIEW, nominal_camera, one_view_rig
 from recorder.pictures import decode
-from recorder.records import Depth, Encoding, Frame
+from recorder.records import AppleTruth, Depth, Encoding, Frame, FrameTruth
 from recorder.salvage import salvage
 from recorder.session import Session
 from recorder.session_writer import SessionWriter
@@ -73,6 +74,35 @@ def test_depth_belongs_to_the_picture_of_its_moment_only(tmp_path: Path) -> None
         assert all(pair.depth is None for pair in session.pairs())
     texts = [(f.level, f.text) for f in check(path)]
     assert ("warning", "3 depth pictures, 0 of them at a left picture's moment") in texts
+
+
+@pytest.mark.parametrize("late_ms", [(1, 3), (3, 1), (-1, 3), (-3, 1)])
+def test_of_two_depth_pictures_the_nearer_is_taken(
+    tmp_path: Path, late_ms: tuple[int, int]
+) -> None:
+    path = tmp_path / "one.mcap"
+    with SessionWriter.create(path, one_view_rig(nominal_camera(SIZE_PX)), ONE_VIEW) as writer:
+        writer.write_frame(frame("left", SECOND_NS))
+        for late in late_ms:
+            steps = np.full(SIZE_PX[::-1], 1000 + late, "<u2")
+            time_ns = SECOND_NS + late * 1_000_000
+            writer.write_depth(Depth(time_ns, "16UC1", steps.tobytes(), SIZE_PX))
+    with Session(path) as session:
+        (pair,) = session.pairs()
+    assert pair.depth is not None
+    assert pair.depth.time_ns == SECOND_NS + min(late_ms, key=abs) * 1_000_000
+
+
+def test_no_apple_is_visible_in_a_view_that_is_not_there(tmp_path: Path) -> None:
+    path = tmp_path / "one.mcap"
+    with SessionWriter.create(path, one_view_rig(nominal_camera(SIZE_PX)), ONE_VIEW) as writer:
+        writer.write_frame(frame("left", 0))
+        seen = AppleTruth(1, (0.1, -0.05, 1.2), 0.04, left_visible=1.0, right_visible=0.75)
+        writer.write_truth(0, FrameTruth(None, None, (seen,)))
+    with Session(path) as session:
+        (pair,) = session.pairs()
+    assert pair.truth is not None
+    assert pair.truth.apples == (replace(seen, right_visible=0.0),)
 
 
 def test_check_and_info_tell_one_view_and_its_depth(tmp_path: Path) -> None:

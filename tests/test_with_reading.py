@@ -86,6 +86,23 @@ def test_a_fused_range_lies_between_both_and_is_surer_than_either() -> None:
     assert fused.range_std_m < min(stereo.range_std_m, by_reading.range_std_m or 0.0)
 
 
+@pytest.mark.parametrize("std_m", [0.0005, 0.001, 0.02])
+def test_the_surer_of_two_ranges_weighs_more(std_m: float) -> None:
+    trace = traced(None)
+    sensed = Sensed((beam(0.355, std_m=std_m),))
+    fused = FusedRange(METHODS["pomolog"].triangulate.model)  # type: ignore[attr-defined]
+    found = fused(trace.left, trace.right, trace.matching, PARALLEL, sensed)[0]
+    by_reading = along_ray(trace.left.circles.fruit[0], sensed.beams[0], PARALLEL)
+    assert by_reading is not None
+    both = [trace.apples[0], by_reading]
+    ranges_m = [math.hypot(*one.centre_m or ()) for one in both]
+    weights = [(one.range_std_m or math.nan) ** -2 for one in both]
+    assert abs(ranges_m[0] - ranges_m[1]) > 1e-3  # else any weights would do
+    mean_m = float(np.average(ranges_m, weights=weights))
+    assert math.hypot(*found.centre_m or ()) == pytest.approx(mean_m, abs=1e-9)
+    assert found.range_std_m == pytest.approx(sum(weights) ** -0.5)
+
+
 def test_a_reading_of_something_else_changes_nothing() -> None:
     trace = traced(None)
     assert refused(trace, 0.2) == trace.apples[0]
