@@ -325,9 +325,9 @@ def test_a_rig_that_cannot_be_opened_is_one_line(tmp_path: Path, text: str) -> N
         load_equipment(rig)
 
 
-def test_a_bug_while_writing_surfaces_and_leaves_what_can_be_salvaged(tmp_path: Path) -> None:
-    recording = Recording(
-        folder=tmp_path,
+def nothing_yet(folder: Path) -> Recording:
+    return Recording(
+        folder=folder,
         name="row",
         rig=parallel_rig(),
         metadata={},
@@ -336,7 +336,10 @@ def test_a_bug_while_writing_surfaces_and_leaves_what_can_be_salvaged(tmp_path: 
         split=None,
         ledgers={side: StreamLedger() for side in SIDES},
     )
-    storage = Storage(recording, CaptureSettings(reserve_mb=0))
+
+
+def test_a_bug_while_writing_surfaces_and_leaves_what_can_be_salvaged(tmp_path: Path) -> None:
+    storage = Storage(nothing_yet(tmp_path), CaptureSettings(reserve_mb=0))
 
     def broken(_: object) -> None:
         raise ValueError("ours")
@@ -349,16 +352,7 @@ def test_a_bug_while_writing_surfaces_and_leaves_what_can_be_salvaged(tmp_path: 
 
 
 def test_a_stalled_disk_never_fills_the_memory(tmp_path: Path) -> None:
-    recording = Recording(
-        folder=tmp_path,
-        name="row",
-        rig=parallel_rig(),
-        metadata={},
-        raw_images=True,
-        max_skew_ns=5_000_000,
-        split=None,
-        ledgers={side: StreamLedger() for side in SIDES},
-    )
+    recording = nothing_yet(tmp_path)
     storage = Storage(recording, CaptureSettings(reserve_mb=0, queue_mb=8))
     stalled = threading.Event()
 

@@ -75,10 +75,15 @@ def _direction(elevation: Any, azimuth: Any) -> Floats:
 
 def _map_directions(size_px: tuple[int, int]) -> Floats:
     """(rows, columns, 3) where each pixel of a sky map lies."""
-    rows, columns = size_px
-    elevation = np.pi / 2 - (np.arange(rows) + 0.5) / rows * np.pi
+    columns = size_px[1]
     azimuth = (np.arange(columns) + 0.5) / columns * 2 * np.pi
-    return _direction(elevation[:, None], azimuth[None])
+    return _direction(_elevations(size_px), azimuth[None])
+
+
+def _elevations(size_px: tuple[int, int]) -> Floats:
+    """(rows, 1) above the horizon, of a sky map's rows."""
+    rows = size_px[0]
+    return (np.pi / 2 - (np.arange(rows) + 0.5) / rows * np.pi)[:, None]
 
 
 def _solid_angles(size_px: tuple[int, int]) -> Floats:
@@ -96,7 +101,7 @@ def _emitter(sky: Image) -> dict[str, Any]:
 
 def _overcast(rng: np.random.Generator) -> Image:
     """The CIE overcast sky, three times brighter overhead than at the horizon, with clouds."""
-    elevation = (np.pi / 2 - (np.arange(_SKY_PX[0]) + 0.5) / _SKY_PX[0] * np.pi)[:, None]
+    elevation = _elevations(_SKY_PX)
     clouds = 1 + 0.16 * field(rng, _SKY_PX, (10, 26), wrap_rows=False)
     clouds = clouds + 0.07 * field(rng, _SKY_PX, (4, 9), wrap_rows=False)
     bright = (1 + 2 * np.sin(np.maximum(elevation, 0))) / 3 * clouds
@@ -124,7 +129,7 @@ def _with_clouds(rng: np.random.Generator, sky: Image) -> Image:
     widths = [rows / k for k in (7, 16, 36, 80, 160)]
     wisps = sum(w**0.75 * field(rng, _SKY_PX, (0.55 * w, w), wrap_rows=False) for w in widths)
     wisps = wisps / np.std(wisps)
-    elevation = (np.pi / 2 - (np.arange(rows) + 0.5) / rows * np.pi)[:, None]
+    elevation = _elevations(_SKY_PX)
     cover = step((wisps - rng.uniform(0.6, 2.0)) * 3.2) * np.clip(elevation / 0.15, 0, 1) * 0.8
     bright = sky[: rows // 2].mean() * np.array([1.5, 1.5, 1.55])
     lit = bright * (1 + 0.15 * field(rng, _SKY_PX, (12, 24), wrap_rows=False))[..., None]
