@@ -17,8 +17,8 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from processor.count import FrameCounts, count_frame
-from processor.discs import disc_iou, true_discs
+from processor.count import LEAST_IOU, FrameCounts, count_frame
+from processor.discs import LEAST_VISIBLE, disc_iou, true_discs
 from processor.fruit import FruitFinder
 from processor.locate import Locator
 from processor.methods import METHODS
@@ -33,8 +33,6 @@ STAGES: Final = {
     "recognise": "colour_ratio, area_rule", "circles": "random_ring", "match": "area_in_order",
     "triangulate": "parallel",
 }  # fmt: skip
-LEAST_IOU: Final = 0.5
-LEAST_VISIBLE: Final = 0.1
 NEVER: Final = 1 - 1e-9  # a probability that no network reaches
 
 Known = dict[str, Any]

@@ -2,7 +2,7 @@ r"""What recording costs, and whether anything is lost: two software GigE camera
 
 Run in a network namespace (no privileges needed):
 
-    unshare -rn bash -c 'ip link set lo up; ip addr add 127.0.0.2/8 dev lo; \\
+    unshare -rn bash -c 'ip link set lo up; ip addr add 127.0.0.2/8 dev lo; \
       ip addr add 127.0.0.3/8 dev lo; exec python -m benchmarks.recorder 600 15 /somewhere'
 
 Arguments: seconds, frames a second, a folder. Prints the CPU share of one core, the memory over
