@@ -16,7 +16,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from benchmarks.fuzz.targets import material, sound_answers, targets
+from benchmarks.fuzz.material import material
+from benchmarks.fuzz.targets import sound_answers, targets
 from processor.replay import replay
 from processor.results import TABLES, read_table
 from processor.run_file import read_run, run_text

@@ -1,12 +1,12 @@
 r"""Mutate files of every kind and read them as the commands do; none may crash, hang or lie.
 
-    python -m benchmarks.fuzz 20000 [--seed 1] [--workers 2] [--only rig] [--keep FOLDER]
+    python -m benchmarks.fuzz 20000 [--seed 1] [--workers 2] [--only rig] [--input 7]
 
 Each input is a number: the same seed and number make the same file. It is read in a process of
 its own kind, in which memory is bounded and time is watched. A refusal is a `PomologError`, which
 the commands print as one line; an answer is right if it is the sound file's, or, where no checksum
-seals the file, whatever the file now says. Everything else is misbehaving: it is kept and told,
-and the command ends with exit 1.
+seals the file, whatever the file now says. Everything else is misbehaving: its number is told, and
+the command ends with exit 1.
 """
 
 import argparse

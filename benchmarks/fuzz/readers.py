@@ -12,7 +12,8 @@ from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Final
 
-from benchmarks.fuzz.targets import material, sound_answers, targets
+from benchmarks.fuzz.material import material
+from benchmarks.fuzz.targets import sound_answers, targets
 from recorder.errors import PomologError
 
 HANG_S: Final = 60.0  # an input takes some 20 ms; the machine may be busy

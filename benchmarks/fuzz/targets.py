@@ -7,9 +7,8 @@ import shutil
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import Any
 
-import cv2
 import numpy as np
 
 from benchmarks.fuzz.mutate import mutate_bytes, mutate_index, mutate_messages, mutate_words
@@ -18,7 +17,7 @@ from processor.compare.document import as_document
 from processor.compare.sides import open_sides
 from processor.methods import DEFAULT_MODEL
 from processor.model_file import FOLDER, load_model
-from processor.replay import Replayed, replay
+from processor.replay import replay
 from processor.run_file import read_run, run_text
 from processor.runs import find_runs, losses, score_runs
 from recorder.check import check
@@ -26,15 +25,12 @@ from recorder.errors import PomologError
 from recorder.imports.masks import MaskTruth, label_session
 from recorder.orchard.scene import load_scene, shots
 from recorder.pictures import decode
-from recorder.records import RangeReading
 from recorder.rectify import rectify
 from recorder.rig import load_rig
 from recorder.salvage import salvage
 from recorder.session import Session
-from tests.builders import RIG_TOML, content, pair_content, session_file
-from tests.scenes import TINY, apple, stereo_session, tiny_rig
-
-Verdict = Literal["refused", "same answer", "other answer"]
+from tests.builders import content, pair_content
+from tests.scenes import TINY
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,32 +48,6 @@ class Target:
     make: Callable[[Path, Path, random.Random], Path]
     judge: Callable[[Path, Path], str]
     sealed: bool
-
-
-def material(folder: Path) -> None:
-    """The sound files that everything is mutated from."""
-    folder.mkdir(parents=True)
-    session_file(folder, 3, name="plain.mcap", readings=True, labelled=True, sync_each=True)
-    frames = [[apple(1, 0.01 * i, seen=1.0), apple(2, -0.03, seen=0.8)] for i in range(3)]
-    reading = RangeReading(1_000_000_000, 0.36, 0.001, "ok", "g0g+00003600")
-    stereo_session(
-        folder / "row.mcap", frames, rig=tiny_rig(), lighting="front", readings=[reading]
-    )
-    (done,) = replay([folder / "row.mcap"], folder / "results", TINY, rrd="none")
-    assert isinstance(done, Replayed), done
-    (folder / "rig.toml").write_text(RIG_TOML)
-    (folder / "rig.yaml").write_text(_OPENCV)
-    (folder / "scene.toml").write_text(_SCENE)
-    for side in ("left", "right"):
-        (folder / "masks" / side).mkdir(parents=True)
-        for number in range(3):
-            mask = np.zeros((72, 96), np.uint16)
-            mask[20:40, 30 : 50 + number] = 1 + number
-            cv2.imwrite(str(folder / "masks" / side / f"{number}.png"), mask)
-    apples = [
-        {"id": 1, "centre_m": [0.0, 0.01, 0.4], "radius_m": 0.04, "left": {"visible_fraction": 0.5}}
-    ]
-    (folder / "apples.json").write_text(json.dumps([apples, [], apples], indent=1))
 
 
 def _session(mutate: Callable[[Path, random.Random], bytes]) -> Callable[..., Path]:
@@ -136,12 +106,11 @@ def salvage_session(path: Path, folder: Path, sound: Path) -> str:
 def _score(out: Path) -> str:
     runs = find_runs([out])
     scores = {name: asdict(score) for name, score in score_runs(runs, "").items()}
-    for group in scores.values():
-        group.pop("stage_ms", None)  # no run takes the same time
     return _digest([_without_times(scores), losses(runs)])
 
 
 def _without_times(value: Any) -> Any:
+    """No run takes the same time."""
     if isinstance(value, dict):
         return {k: _without_times(v) for k, v in value.items() if not k.endswith(("_ms", "_ns"))}
     return value
@@ -283,52 +252,3 @@ def sound_answers(sound: Path, folder: Path) -> dict[str, set[str]]:
         }
         for target in targets(sound)
     }
-
-
-_OPENCV: Final = """%YAML:1.0
----
-image_width: 640
-image_height: 480
-""" + "".join(
-    f"""{key}: !!opencv-matrix
-   rows: {rows}
-   cols: {columns}
-   dt: d
-   data: [ {values} ]
-"""
-    for key, rows, columns, values in (
-        ("M1", 3, 3, "570., 0., 320., 0., 571., 240., 0., 0., 1."),
-        ("D1", 1, 5, "-0.1, 0.02, 0., 0., 0."),
-        ("M2", 3, 3, "572., 0., 318., 0., 573., 242., 0., 0., 1."),
-        ("D2", 1, 5, "-0.1, 0.03, 0., 0., 0."),
-        ("R", 3, 3, "1., 0., 0., 0., 1., 0., 0., 0., 1."),
-        ("T", 3, 1, "-0.2, 0., 0."),
-    )
-)
-_SCENE: Final = """name = "mine"
-seed = 31
-worlds = 3
-light = "back"
-cultivar = "gala"
-exposures_ev = [-1.0, 0.0]
-
-[trees]
-fruit = 30
-leaf_density = 1.5
-
-[camera]
-size_px = [640, 512]
-jpeg_quality = 90
-
-[camera.left]
-ev = 0.5
-
-[rig]
-focal_px = 577.0
-baseline_m = 0.2
-toe_in_deg = 1.0
-
-[motion]
-pairs = 4
-rate_hz = 5.0
-"""
