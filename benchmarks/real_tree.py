@@ -33,7 +33,7 @@ from processor.rows import rows_of
 from processor.trace import CircleFinder, Cleaner, Matcher, Recogniser
 from recorder.imports.frames import import_frames
 from recorder.pictures import decode
-from recorder.records import UNCOUNTED, Labels, StereoPair
+from recorder.records import Labels, StereoPair, counted_fruit
 from recorder.rectify import Rectification, rectify
 from recorder.rig import load_rig
 from recorder.session import Session
@@ -113,7 +113,7 @@ def run(
     rows = rows_of("story", pair, trace, counts, rectification, 0)["apples"]
     mask = trace.left.recognition.mask > 0
     left_labels = rectification.left.labels(cast("Labels", labelled.truth.left))
-    fruit = (left_labels > 0) & (left_labels < UNCOUNTED)
+    fruit = counted_fruit(left_labels)
     place_mm: dict[bool, list[float]] = defaultdict(list)
     front_mm: dict[bool, list[float]] = defaultdict(list)
     radius_mm = {row.get("left_truth"): 1e3 * (row["radius_m"] or 0.0) for row in rows}

@@ -22,6 +22,7 @@ from recorder.records import (
     FrameTruth,
     Labels,
     Side,
+    counted_fruit,
 )
 from recorder.rectify import Rectification
 
@@ -135,7 +136,7 @@ class FrameCounter:
 
 def count_pixels(mask: Mask, labels: Labels, *, partial: bool = False) -> Counts:
     """Hits, false positives and false negatives of a mask, as Table 1 has them."""
-    fruit = (labels > 0) & (labels < UNCOUNTED)
+    fruit = counted_fruit(labels)
     marked = mask > 0
     tp = int(np.count_nonzero(marked & fruit))
     fn = int(np.count_nonzero(fruit)) - tp
@@ -181,7 +182,7 @@ def _on_uncounted(fruit: Fruit, labels: Labels) -> bool:
     rows, columns = np.mgrid[y0 : y0 + window.shape[0], x0 : x0 + window.shape[1]]
     under = window[np.hypot(columns - fruit.x_px, rows - fruit.y_px) <= fruit.radius_px]
     uncounted = np.count_nonzero(under == UNCOUNTED)
-    others = np.count_nonzero((under > 0) & (under < UNCOUNTED))
+    others = np.count_nonzero(counted_fruit(under))
     return bool(uncounted > others and uncounted >= LEAST_VISIBLE * under.size)
 
 

@@ -15,7 +15,7 @@ import rerun as rr
 
 from processor.palette import ESTIMATE, FALSE, HIT, MISSED, Colour
 from processor.trace import Mask, Recognition
-from recorder.records import COMPRESSED, UNCOUNTED, Frame, Labels, Picture
+from recorder.records import COMPRESSED, UNCOUNTED, Frame, Labels, Picture, counted_fruit
 
 MEDIA_TYPES: Final = {"jpeg": "image/jpeg", "png": "image/png", "webp": "image/webp"}
 INDEX_SHARE: Final = 0.5  # of the picture's size; an index is looked at, not measured
@@ -70,7 +70,7 @@ _ROOT: Final = np.sqrt(np.arange(256) * 255.0).astype(np.uint8)
 
 def known_fruit(labels: Labels) -> npt.NDArray[np.uint8]:
     """(H, W): 2 where fruit is known to be, 4 where it counts neither way, else 0."""
-    fruit = (labels > 0) & (labels < UNCOUNTED)
+    fruit = counted_fruit(labels)
     uncounted = labels == UNCOUNTED
     return np.asarray(fruit.view(np.uint8) << 1 | uncounted.view(np.uint8) << 2, np.uint8)
 

@@ -36,6 +36,11 @@ UNCOUNTED = 65535
 """The label of fruit that nobody is asked to find (a row behind): neither a hit nor a mistake."""
 
 
+def counted_fruit(labels: Labels) -> npt.NDArray[np.bool_]:
+    """Where an apple is seen that counts; of labels of any shape."""
+    return np.asarray((labels > 0) & (labels < UNCOUNTED))
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Frame:
     """One camera's picture as it was recorded, still encoded."""

@@ -23,7 +23,7 @@ from processor.palette import (
 from processor.results import Row
 from processor.retrace import Retraced
 from processor.trace import Mask, Trace
-from recorder.records import UNCOUNTED, Labels, Picture, Side
+from recorder.records import UNCOUNTED, Labels, Picture, Side, counted_fruit
 from viewer.canvas import INK, LINE, PAPER, SOFT, Canvas, Panel
 
 GROUND: Final = 0.45  # how bright the picture shines through below a verdict
@@ -62,7 +62,7 @@ def against_truth(picture: Picture, mask: Mask, labels: Labels | None, *, partia
     if labels is None:
         shown[marked] = PAPER
         return shown
-    fruit = (labels > 0) & (labels < UNCOUNTED)
+    fruit = counted_fruit(labels)
     nobody_said = (labels == UNCOUNTED) | (partial & (labels == 0))
     shown[marked & nobody_said] = REJECTED[::-1]
     shown[marked & fruit] = HIT[::-1]

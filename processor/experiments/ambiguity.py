@@ -20,7 +20,7 @@ from processor.page_parts import Column, Figure, Scalar, Table, percent
 from processor.recognise import ColourRatio, RedMinusLuma, TwoRedMinusGreenBlue
 from processor.score import detection, matches
 from processor.trace import Recogniser
-from recorder.records import SIDES, UNCOUNTED
+from recorder.records import SIDES, counted_fruit
 from recorder.rectify import Rectification
 
 LEAST_SPREAD: Final = 0.05  # what does not show in print is no spread
@@ -88,7 +88,7 @@ def measure_thresholds(sample: Sample) -> list[Row]:
         labels = sample.labels(side)
         if labels is None or sample.pair.truth is None or sample.pair.truth.partial:
             continue
-        fruit = (labels > 0) & (labels < UNCOUNTED)
+        fruit = counted_fruit(labels)
         background = labels == 0
         for name, rule in _INDICES.items():
             recognition = rule(sample.picture(side))

@@ -11,7 +11,7 @@ from processor.count import FrameCounts
 from processor.discs import Discs
 from processor.match import AreaInOrder
 from processor.trace import Fruit, Trace, ViewTrace
-from recorder.records import SIDES, UNCOUNTED, Labels, Side
+from recorder.records import SIDES, UNCOUNTED, Labels, Side, counted_fruit
 
 LEAST_PART: Final = 0.15  # of a region for a fruit to be in it, of a fruit for a region to have it
 
@@ -157,7 +157,7 @@ def _parts(view: ViewTrace, labels: Labels) -> _Parts:
     numbered = np.zeros(labels.shape, np.int32)
     for number, region in enumerate(view.cleaning.regions):
         cv2.drawContours(numbered, [region.contour_px], 0, (number + 1,), cv2.FILLED)
-    fruit = (labels > 0) & (labels < UNCOUNTED)
+    fruit = counted_fruit(labels)
     own_ids, own = np.unique(labels[fruit], return_counts=True)
     both = fruit & (numbered > 0)
     keys = (numbered[both].astype(np.int64) - 1) * (UNCOUNTED + 1) + labels[both]

@@ -13,7 +13,7 @@ from processor.experiments.item import Claim, Item
 from processor.experiments.material import Material, describe
 from processor.experiments.work import Bench, Row, Sample, samples
 from processor.page_parts import Column, Figure, Scalar, Table, percent
-from recorder.records import UNCOUNTED, Picture
+from recorder.records import Picture, counted_fruit
 
 if TYPE_CHECKING:
     from processor.charts import Axes
@@ -110,7 +110,7 @@ def profile_of(sample: Sample) -> Profile | None:
         red=line[:, 2],
         green=line[:, 1],
         blue=line[:, 0],
-        fruit=(names > 0) & (names < UNCOUNTED),
+        fruit=counted_fruit(names),
         ends=(int(own[0]), int(own[-1])),
         background=names == 0,
     )

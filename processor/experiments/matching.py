@@ -10,7 +10,7 @@ from processor.count import FrameCounts, count_frame
 from processor.experiments.causes import CAUSES, PAPERS_CAUSES, causes
 from processor.experiments.item import Claim, Item, Verdict
 from processor.experiments.material import Material, Source, describe, for_matching
-from processor.experiments.outlines import as_recognition, discs_of, true_fruit
+from processor.experiments.outlines import as_recognition, discs_of
 from processor.experiments.windows import ring_of
 from processor.experiments.work import Bench, Row, Sample, samples
 from processor.locate import Locator, Stopwatch
@@ -18,7 +18,7 @@ from processor.match import AreaInOrder
 from processor.page_parts import Column, Figure, Scalar, Table, percent
 from processor.score import matches, wilson95
 from processor.trace import Look, Matching, Trace, ViewTrace
-from recorder.records import SIDES, Labels, Side
+from recorder.records import SIDES, Labels, Side, counted_fruit
 from recorder.rectify import Rectification
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ def locate(method: str, sample: Sample) -> Trace | None:
         labels = sample.labels(side)
         if labels is None:
             return None
-        recognition = as_recognition(true_fruit(labels))
+        recognition = as_recognition(counted_fruit(labels))
         cleaning = locator.clean(recognition)
         picture = sample.picture(side)
         look = Look(picture, recognition, sample.rectification)

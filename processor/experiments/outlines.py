@@ -11,7 +11,7 @@ from processor.clean import AreaRule
 from processor.discs import Discs, true_discs
 from processor.experiments.work import Sample
 from processor.trace import Cleaning, Mask, Recognition, Region
-from recorder.records import SIDES, UNCOUNTED, Labels, Side
+from recorder.records import SIDES, Labels, Side, counted_fruit
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -99,17 +99,12 @@ def as_recognition(mask: npt.NDArray[np.bool_]) -> Recognition:
     return Recognition(bytes_of, bytes_of)
 
 
-def true_fruit(labels: Labels) -> npt.NDArray[np.bool_]:
-    """Where counted apples are seen."""
-    return np.asarray((labels > 0) & (labels < UNCOUNTED))
-
-
 def connected(labels: Labels) -> dict[int, frozenset[int]]:
     """For each apple those that its pixels are connected with in the true mask, itself among them.
 
     An apple in several parts is with the apples of all of them.
     """
-    mask = true_fruit(labels).astype(np.uint8)
+    mask = counted_fruit(labels).astype(np.uint8)
     _, parts = cv2.connectedComponents(mask, connectivity=8)
     both = np.stack([parts[mask > 0], labels[mask > 0].astype(np.int32)])
     members: dict[int, set[int]] = {}

@@ -21,7 +21,7 @@ from processor.locate import Locator
 from processor.page_parts import Column, Figure, Scalar, Table, percent
 from processor.trace import Floats, Recogniser
 from recorder.errors import PomologError
-from recorder.records import UNCOUNTED, Labels, Picture
+from recorder.records import Picture, counted_fruit
 from recorder.rectify import rectify
 
 LEAST_IOU: Final = 0.5
@@ -82,7 +82,7 @@ def real_tree(folder: Path) -> Item:
             depths[f"{name}, {window}"] = errors
             rows.append({
                 "rule": name, "window": window, "marked": 100 * float(mask.mean()),
-                "covered": 100 * float(mask[_fruit(labels)].mean()),
+                "covered": 100 * float(mask[counted_fruit(labels)].mean()),
                 "apples": len(counts.apples),
                 "found": sum(v.found_left for v in counts.apples),
                 "matched": len(errors),
@@ -130,10 +130,6 @@ _TREE: Final = {
     "found": Column("circle, left", 0), "matched": Column("matched rightly", 0),
     "median": Column("depth, median error mm", 0), "mad": Column("MAD, mm", 0),
 }  # fmt: skip
-
-
-def _fruit(labels: Labels) -> "np.typing.NDArray[np.bool_]":
-    return np.asarray((labels > 0) & (labels < UNCOUNTED))
 
 
 def real_crops(folder: Path) -> Item:

@@ -12,7 +12,7 @@ from processor.experiments.segmentation import RULE_OF_METHOD, RULES
 from processor.experiments.work import Sample, samples
 from processor.page_parts import Figure
 from processor.trace import Mask
-from recorder.records import UNCOUNTED, Labels, Picture
+from recorder.records import UNCOUNTED, Labels, Picture, counted_fruit
 from recorder.session import Session
 
 SHOWN: Final = {"Y-R": "(b) Y-R", "2R-G-B": "(c) 2R-G-B", RULE_OF_METHOD: "(d) the paper's rule"}
@@ -52,7 +52,7 @@ def _lights(source: Source) -> list[tuple[int, str]]:
 
 def judged(mask: Mask, labels: Labels) -> Picture:
     """(H, W, 3): hits, false positives and misses of a mask in their colours, on black."""
-    marked, fruit = mask > 0, (labels > 0) & (labels < UNCOUNTED)
+    marked, fruit = mask > 0, counted_fruit(labels)
     result = np.zeros((*labels.shape, 3), np.uint8)
     result[marked & fruit] = HIT
     result[marked & (labels == 0)] = FALSE
