@@ -56,6 +56,19 @@ def test_gaps_and_lone_frames_are_warnings(tmp_path: Path) -> None:
     assert texts(found, "failure") == []
 
 
+@pytest.mark.parametrize(("last_s", "gaps"), [(3.4, 0), (3.6, 1)])
+def test_a_gap_is_half_an_interval_more_than_the_usual(
+    tmp_path: Path, last_s: float, gaps: int
+) -> None:
+    with SessionWriter.create(tmp_path / "s.mcap", rig()) as writer:
+        for time_s in (0, 1, 2, last_s):
+            writer.write_frame(frame("left", int(time_s * SECOND_NS)))
+            writer.write_frame(frame("right", int(time_s * SECOND_NS)))
+    warnings = texts(check(tmp_path / "s.mcap"), "warning")
+    assert sum("1 gaps, the longest 1.60 s" in text for text in warnings) == 2 * gaps
+    assert len(warnings) == 2 * gaps
+
+
 def test_one_pair_has_no_rate(tmp_path: Path) -> None:
     assert texts(check(session_file(tmp_path, 1)), "warning") == []
 

@@ -149,6 +149,20 @@ def test_headers_without_times_mean_times_of_arrival_and_that_is_said(tmp_path: 
     assert "/stereo/left/image_raw has none in its headers" in done.remarks[0]
 
 
+@pytest.mark.parametrize(("apart_s", "times"), [(9, "header"), (11, "arrival")])
+def test_headers_of_two_clocks_mean_times_of_arrival_and_that_is_said(
+    tmp_path: Path, apart_s: int, times: str
+) -> None:
+    ros = stereo_bag(tmp_path, 2)
+    ahead_ns = apart_s * SECOND_NS
+    picture, late_ns = small_picture(0), -ahead_ns - MS
+    ros.image("/stereo/left/image_raw", START_NS + ahead_ns, picture, "rgb8", late_ns=late_ns)
+    done = imported(ros.write(), tmp_path / "s.mcap")
+    assert done.times == times
+    said = f"times of arrival: the headers' clocks are {apart_s} s apart"
+    assert (said in done.remarks) == (times == "arrival")
+
+
 def test_an_offset_shifts_a_stream_and_a_tolerance_stays_with_the_session(tmp_path: Path) -> None:
     folder = stereo_bag(tmp_path, 4, skew_ns=18 * MS).write()
     lone = imported(folder, tmp_path / "lone.mcap")

@@ -17,6 +17,7 @@ from recorder.imports.cli import app as imports
 from recorder.imports.labels import LabelTruth
 from recorder.imports.masks import MaskTruth, label_session
 from recorder.imports.shapes import PictureLabels, Shape
+from recorder.message_writer import MessageWriter
 from recorder.one_view import ONE_VIEW, nominal_camera, one_view_rig
 from recorder.pictures import decode
 from recorder.records import AppleTruth, Depth, Encoding, Frame, FrameTruth
@@ -103,6 +104,21 @@ def test_no_apple_is_visible_in_a_view_that_is_not_there(tmp_path: Path) -> None
         (pair,) = session.pairs()
     assert pair.truth is not None
     assert pair.truth.apples == (replace(seen, right_visible=0.0),)
+
+
+def test_depth_of_another_size_than_the_left_picture_is_a_failure(tmp_path: Path) -> None:
+    sound, small = one_view(tmp_path), tmp_path / "small.mcap"
+    size_px = (32, 24)
+    with SessionWriter.create(small, one_view_rig(nominal_camera(size_px)), ONE_VIEW) as writer:
+        steps = np.full(size_px[::-1], 1000, "<u2")
+        writer.write_depth(Depth(SECOND_NS, "16UC1", steps.tobytes(), size_px))
+    with Session(sound) as one, Session(small) as other, (tmp_path / "x.mcap").open("wb") as stream:
+        mixed = MessageWriter(stream, one.metadata)  # a session's own writer refuses such depth
+        for message in (*one.messages(), *(m for m in other.messages() if m.topic == "/depth")):
+            mixed.copy(message)
+        mixed.finish()
+    texts = [(f.level, f.text) for f in check(tmp_path / "x.mcap")]
+    assert ("failure", "1 of 4 depth pictures are not of the left's size") in texts
 
 
 def test_check_and_info_tell_one_view_and_its_depth(tmp_path: Path) -> None:

@@ -47,6 +47,16 @@ def test_a_trigger_is_one_moment(tmp_path: Path) -> None:
     assert "of one moment" in found.text
 
 
+@pytest.mark.parametrize(("skew_ns", "sound"), [(5 * MS, True), (5 * MS + 1, False)])
+def test_views_just_as_far_apart_as_allowed_are_pairs(
+    tmp_path: Path, skew_ns: int, *, sound: bool
+) -> None:
+    with Session(session(tmp_path, TICKS, TICKS + skew_ns)) as opened:
+        timing = timing_of(opened)
+        assert timing.paired.tolist() == [sound] * len(TICKS)
+        assert len(opened) == timing.paired.sum()
+
+
 def test_an_offset_of_the_clocks_is_told_with_what_undoes_it(tmp_path: Path) -> None:
     found = verdict(tmp_path, TICKS, TICKS + 11 * MS + jitter(0.1))
     assert (found.kind, found.sound) == ("offset", False)

@@ -4,6 +4,7 @@ import math
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 
 from processor.methods import METHODS
@@ -52,6 +53,15 @@ def test_a_reading_belongs_to_the_circle_that_it_ends_in() -> None:
     assert fruit_at(beam(0.36), found, PARALLEL) == 1
     assert fruit_at(beam(0.36, x_m=1.0), found, PARALLEL) is None
     assert fruit_at(beam(0.36), (), PARALLEL) is None
+
+
+@pytest.mark.parametrize(("radii", "place"), [(0.95, 0), (1.05, None), (-0.95, 0), (-1.05, None)])
+def test_a_reading_just_beside_a_circle_is_of_something_else(
+    radii: float, place: int | None
+) -> None:
+    found = (fruit(159.5, 119.5, radius_px=40),)
+    beside_m = radii * 40 * 0.36 / PARALLEL.focal_px
+    assert fruit_at(beam(0.36, x_m=beside_m), found, PARALLEL) == place
 
 
 def test_a_leaf_before_the_fruit_makes_it_too_small_to_be_one() -> None:
@@ -106,6 +116,37 @@ def test_the_surer_of_two_ranges_weighs_more(std_m: float) -> None:
 def test_a_reading_of_something_else_changes_nothing() -> None:
     trace = traced(None)
     assert refused(trace, 0.2) == trace.apples[0]
+
+
+@pytest.mark.parametrize(("share", "taken"), [(0.99, False), (1.01, True)])
+def test_a_reading_is_taken_up_to_the_gate(share: float, *, taken: bool) -> None:
+    trace = traced(None)
+    stereo, read = trace.apples[0], along_ray(trace.left.circles.fruit[0], beam(0.355), PARALLEL)
+    assert read is not None
+    apart_m = math.hypot(*stereo.centre_m or ()) - math.hypot(*read.centre_m or ())
+    both_m = math.hypot(stereo.range_std_m or math.nan, read.range_std_m or math.nan)
+    model = METHODS["pomolog"].triangulate.model  # type: ignore[attr-defined]
+    fused = FusedRange(model, gate=share * abs(apart_m) / both_m)
+    args = trace.left, trace.right, trace.matching, PARALLEL, Sensed((beam(0.355),))
+    assert (fused(*args)[0] != stereo) == taken
+
+
+def test_a_fused_place_is_as_sure_along_its_ray_as_its_range_and_as_stereo_across() -> None:
+    trace = traced(None)
+    stereo, fused = trace.apples[0], refused(trace, 0.36)
+    towards = np.array(fused.centre_m) / math.hypot(*fused.centre_m or ())
+    across = np.cross(towards, (0.0, 1.0, 0.0))
+    before, after = (whole(one.covariance_m2 or ()) for one in (stereo, fused))
+    gained = (stereo.range_std_m or math.nan) ** 2 - (fused.range_std_m or math.nan) ** 2
+    assert towards @ (before - after) @ towards == pytest.approx(gained)
+    assert across @ (before - after) @ across == pytest.approx(0.0, abs=1e-15)
+
+
+def whole(upper: tuple[float, ...]) -> npt.NDArray[np.float64]:
+    """A covariance of its upper triangle."""
+    matrix = np.zeros((3, 3))
+    matrix[np.triu_indices(3)] = upper
+    return matrix + np.triu(matrix, 1).T
 
 
 def depth_of(*metres: float) -> Depth:
