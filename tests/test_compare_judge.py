@@ -45,10 +45,11 @@ def test_a_change_that_is_shown_is_better_or_worse_by_its_direction() -> None:
     assert judged(difference(-0.03, 0.01, 0.001)).verdict == "worse"
 
 
-def test_a_change_that_is_shown_says_whether_it_matters() -> None:
-    assert judged(difference(-0.03, 0.01, 0.001)).size == "more than matters"
-    assert judged(difference(-0.003, 0.001, 0.001)).size == "less than matters"
-    assert judged(difference(-0.005, 0.003, 0.001)).size == ""
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_a_change_that_is_shown_says_whether_it_matters(sign: int) -> None:
+    assert judged(difference(sign * 0.03, 0.01, 0.001)).size == "more than matters"
+    assert judged(difference(sign * 0.003, 0.001, 0.001)).size == "less than matters"
+    assert judged(difference(sign * 0.005, 0.003, 0.001)).size == ""
 
 
 def test_no_difference_needs_an_interval_within_what_matters() -> None:
@@ -62,6 +63,7 @@ def test_no_difference_needs_an_interval_within_what_matters() -> None:
 def test_a_handful_of_pictures_is_too_little_whatever_they_say() -> None:
     few = judged(difference(0.3, 0.01, 1e-6, units=LEAST_UNITS - 1))
     assert (few.verdict, few.p_holm) == ("too little data", None)
+    assert judged(difference(0.3, 0.01, 1e-6, units=LEAST_UNITS)).verdict == "better"
 
 
 def test_what_was_not_counted_is_not_scored() -> None:
