@@ -59,8 +59,7 @@ def tree_rows_px(folder: Path) -> Floats:
     x, y = np.rint(left_px).astype(int).T
     z_m = depth_mm[y, x] / 1e3
     seen, other = parallel.left.from_recorded(left_px), parallel.right.from_recorded(right_px)
-    shift_px = parallel.right.matrix[0, 2] - parallel.left.matrix[0, 2]
-    disparity_px = seen[:, 0] - other[:, 0] + shift_px
+    disparity_px = seen[:, 0] - other[:, 0] + parallel.disparity_px(0.0, 0.0)
     with np.errstate(divide="ignore"):
         expected_px = parallel.focal_px * parallel.baseline_m / z_m
     near = (z_m > 0) & (np.abs(disparity_px - expected_px) < DEPTH_PX)

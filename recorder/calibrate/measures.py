@@ -90,11 +90,9 @@ def _of_view(board: Board, view: BoardView, rectification: Rectification) -> tup
     seen = np.isfinite(left).all(axis=1) & np.isfinite(right).all(axis=1)
     ids, left, right = ids[seen], left[seen], right[seen]
     rows = np.column_stack([left, right[:, 1] - left[:, 1]])
+    disparities_px = left[:, 0] - right[:, 0] + rectification.disparity_px(0.0, 0.0)
+    depth_m = rectification.focal_px * rectification.baseline_m / disparities_px
     matrix = rectification.left.matrix
-    shift_px = rectification.right.matrix[0, 2] - matrix[0, 2]
-    depth_m = (
-        rectification.focal_px * rectification.baseline_m / (left[:, 0] - right[:, 0] + shift_px)
-    )
     places_m = np.column_stack([(left - matrix[:2, 2]) / matrix[[0, 1], [0, 1]], np.ones(len(ids))])
     places_m *= depth_m[:, None]
     where = {int(one): place for place, one in enumerate(ids)}
