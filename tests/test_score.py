@@ -209,16 +209,6 @@ def test_recall_by_confidence_is_of_all_that_should_be_found() -> None:
     assert score([frame()], [], sure).by_confidence == {"fruit": None, "matches": None}
 
 
-def test_errors_within_two_deviations_are_covered() -> None:
-    within, beyond, unsure = (
-        FruitRow(1.0, 0.95, None, -1.95e-3, 1e-3),
-        FruitRow(1.0, 0.6, None, -1.97e-3, 1e-3),
-        FruitRow(1.0, 0.6, None, 1e-3),  # its method says nothing of it
-    )
-    covered = score([], [within, beyond, unsure]).covered95
-    assert covered == {"all": 0.5, "10-50%": None, "50-90%": 0.0, "90-100%": 1.0}
-
-
 def test_a_session_without_truth_is_not_scored() -> None:
     found = score([frame(), frame()], [])
     assert found.frames == 2
