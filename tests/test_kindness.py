@@ -177,6 +177,7 @@ EXTRAS = {
     "serial": ("record --rig serial.toml --out OUT", "serial"),
     "orchard": ("simulate segmentation-front -o OUT.mcap", "mitsuba"),
     "cluster": ("replay good.mcap -o OUT --cluster tcp://127.0.0.1:1", "distributed"),
+    "train": ("train good.mcap -o OUT.npz", "jax"),
     "s3": ("info s3://orchard/row.mcap", "s3fs"),
     "gs": ("info gs://orchard/row.mcap", "gcsfs"),
 }
