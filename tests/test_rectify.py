@@ -230,3 +230,32 @@ def test_hardly_anything_of_the_view_is_lost(name: str) -> None:
     for side in SIDES:
         filled = (parallel.view(side).picture(white)[..., 0] > 0).mean()
         assert filled > 0.5, side  # at 3 degrees of toe-in most of the picture is still there
+
+
+@pytest.mark.parametrize("name", REAL)
+@pytest.mark.parametrize("side", SIDES)
+def test_recorded_points_are_rectified_to_where_they_came_from(name: str, side: Side) -> None:
+    view = rectify(REAL[name]).view(side)
+    width, height = view.camera.size_px
+    inner = np.array([(x, y) for x in (0.3, 0.5, 0.7) for y in (0.35, 0.6)]) * (width, height)
+    assert view.from_recorded(view.to_recorded(inner)) == pytest.approx(inner, abs=0.05)
+
+
+@pytest.mark.parametrize("name", REAL)
+def test_a_circle_comes_back_from_the_recorded_picture_with_its_radius(name: str) -> None:
+    view = rectify(REAL[name]).left
+    width, height = view.camera.size_px
+    circle = np.array([[0.4 * width, 0.6 * height, 6.0]])
+    back = view.circles_from_recorded(view.circles_to_recorded(circle))
+    assert back == pytest.approx(circle, abs=0.1)  # the mean stretch is not the same both ways
+
+
+@pytest.mark.parametrize("name", REAL)
+@pytest.mark.parametrize("side", SIDES)
+def test_the_projection_shows_a_place_where_the_true_camera_does(name: str, side: Side) -> None:
+    rectified = rectify(REAL[name])
+    places = points()[:20]
+    in_left_view = places @ rectified.left.rotation.T
+    seen = np.column_stack([in_left_view, np.ones(len(places))]) @ rectified.projection(side).T
+    recorded = rectified.view(side).to_recorded(seen[:, :2] / seen[:, 2:])
+    assert recorded == pytest.approx(through_the_lens(REAL[name], side, places), abs=0.05)
