@@ -35,7 +35,7 @@ READS_SESSION = (
     "export bag IN -o OUT.mcap",
     "replay IN -o OUT",
     "sweep IN --vary circles.rounds=5 -o OUT",
-    "train IN -o OUT.npz",
+    "train IN --network-rounds 0 -o OUT.npz",
     "calibrate IN --rangefinder -o OUT.toml",
     "view IN --save OUT.rrd",
 )
@@ -76,7 +76,7 @@ WRITES = (
     "salvage good.mcap -o OUT",
     "simulate segmentation-front -o OUT",
     "export results results -o OUT",
-    "train good.mcap -o OUT",
+    "train good.mcap --network-rounds 0 -o OUT",
     "rig convert rig.toml -o OUT",
     "calibrate pictures pictures --board chessboard:9x6:25mm -o OUT",
     "calibrate pictures pictures --board chessboard:9x6:25mm --report OUT",
