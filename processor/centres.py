@@ -151,9 +151,8 @@ def told(said: Floats32, coarser: float) -> Centres:
 def _network(onnx: bytes) -> Any:
     """One a process; OpenCV's own copy cannot be given to another."""
     content = np.frombuffer(onnx, np.uint8)
-    if hasattr(cv2.dnn, "ENGINE_CLASSIC"):  # since OpenCV 5, whose new engine takes a third longer
-        return cv2.dnn.readNetFromONNX(content, engine=cv2.dnn.ENGINE_CLASSIC)
-    return cv2.dnn.readNetFromONNX(content)
+    # the new engine takes a third longer
+    return cv2.dnn.readNetFromONNX(content, engine=cv2.dnn.ENGINE_CLASSIC)
 
 
 def _logit(probability: float) -> float:

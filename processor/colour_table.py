@@ -17,7 +17,6 @@ Packed = npt.NDArray[np.uint16]
 ENTRIES: Final = 1 << 16  # of a table: 5 + 6 + 5 bits
 BRIGHTEST: Final = 251  # of a mean of pixels: above it, most of them were clipped
 DARKEST: Final = 3
-_READS_16_BITS: Final = int(cv2.__version__.partition(".")[0]) >= 5  # cv2.LUT reads uint16 since 5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -119,6 +118,4 @@ def pack(picture: cv2.typing.MatLike) -> Packed:
 
 def read_table(table: Bytes, packed: Packed) -> Bytes:
     """(H, W) uint8 entries of a (65536,) table."""
-    if _READS_16_BITS:
-        return cast("Bytes", cv2.LUT(packed, table))
-    return cast("Bytes", np.take(table, packed))
+    return cast("Bytes", cv2.LUT(packed, table))

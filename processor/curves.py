@@ -10,6 +10,7 @@ from scipy.stats import norm
 
 from processor.score import Interval, wilson95
 from processor.statistics import drawn_again
+from processor.sureness import average_precision
 
 Floats = npt.NDArray[np.float64]
 Bools = npt.NDArray[np.bool_]
@@ -55,7 +56,7 @@ class PrecisionRecall:
         confidence: (K,) falling.
         precision: (K,) of the circles above it.
         recall: (K,) of the fruit that should be found.
-        average: the area below, over the recall that is reached.
+        average: the average precision, as the score has it.
     """
 
     confidence: Floats
@@ -82,7 +83,7 @@ def precision_recall(confidence: Floats, true: Bools, wanted: int) -> PrecisionR
     last = np.append(falling[1:] != falling[:-1], True)  # equal ones stand or fall together
     counted = np.arange(1, len(falling) + 1)[last]
     precision, recall = hits[last] / counted, hits[last] / wanted
-    average = float((np.diff(recall, prepend=0.0) * precision).sum())
+    average = average_precision(confidence, true, wanted) or 0.0
     return PrecisionRecall(falling[last], precision, recall, average)
 
 

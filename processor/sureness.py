@@ -78,14 +78,23 @@ def curve(judged: Sequence[Judged], wanted: int) -> Curve:
     return Curve(
         n=len(said),
         wanted=wanted,
-        average_precision=_average_precision(said, right, wanted),
+        average_precision=average_precision(said, right, wanted),
         operations=tuple(_operation(said, right, wanted, asked) for asked in ASKED),
         reliability=bins,
         calibration_error=sum(gaps) / len(said) if len(said) else None,
     )
 
 
-def _average_precision(said: np.ndarray, right: np.ndarray, wanted: int) -> float | None:
+def average_precision(said: np.ndarray, right: np.ndarray, wanted: int) -> float | None:
+    """The area below precision over recall, each precision the best of its recall or more.
+
+    As PASCAL VOC has it since 2010.
+
+    Args:
+        said: (N,) confidences.
+        right: (N,) whether each is right.
+        wanted: how many there are to be found.
+    """
     if not wanted:
         return None
     if not len(said):

@@ -18,7 +18,7 @@ from processor.lessons import Lesson
 from processor.net import Floats32, Net
 from processor.trace import Cleaner, Floats, Look, look_both_ways
 from processor.train_centres import TaughtCentres
-from recorder.records import UNCOUNTED, Labels, Picture
+from recorder.records import UNCOUNTED, Labels, Picture, counted_fruit
 
 Bytes = npt.NDArray[np.uint8]
 Flags = npt.NDArray[np.bool_]
@@ -59,7 +59,7 @@ def _count(
             entries = entries_of(lesson.exposed(stop).picture)
             step = lesson.labels.shape[1] // entries.shape[1]
             labels = lesson.labels[::step, ::step][: entries.shape[0], : entries.shape[1]]
-            is_fruit = (labels > 0) & (labels < UNCOUNTED)
+            is_fruit = counted_fruit(labels)
             is_other = labels == 0
             fruit += step**2 * weight * np.bincount(entries[is_fruit], minlength=ENTRIES)
             other += step**2 * weight * np.bincount(entries[is_other], minlength=ENTRIES)
@@ -205,7 +205,7 @@ def on_uncounted(circles: Floats, labels: Labels, real: bool) -> Flags:
     inside = (x >= 0) & (y >= 0) & (x < labels.shape[1]) & (y < labels.shape[0])
     under = labels[y.clip(0, labels.shape[0] - 1), x.clip(0, labels.shape[1] - 1)]
     uncounted = (inside & (under == UNCOUNTED)).sum(1)
-    others = (inside & (under > 0) & (under < UNCOUNTED)).sum(1)
+    others = (inside & counted_fruit(under)).sum(1)
     return np.asarray((uncounted > others) & (uncounted >= LEAST_VISIBLE * inside.sum(1)))
 
 

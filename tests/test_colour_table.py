@@ -34,13 +34,6 @@ def test_reading_a_table_is_indexing() -> None:
     np.testing.assert_array_equal(read_table(table, packed), table[packed])
 
 
-def test_reading_is_the_same_where_opencv_reads_only_bytes(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("processor.colour_table._READS_16_BITS", False)
-    table = np.arange(ENTRIES).astype(np.uint8)
-    packed = np.array([[0, 5, 65535]], np.uint16)
-    np.testing.assert_array_equal(read_table(table, packed), [[0, 5, 255]])
-
-
 def test_a_learned_colour_is_recognised_and_another_is_not() -> None:
     mask = disc_mask((60, 60, 30), size_px=(160, 120))
     stage = ColourTable(ColourModel("test", table_of(RED), identity()))

@@ -25,6 +25,17 @@ def test_precision_and_recall_fall_and_rise_as_the_threshold_falls() -> None:
     assert curve.average == pytest.approx(0.75)
 
 
+def test_a_report_and_a_score_mean_the_same_by_average_precision() -> None:
+    said, right = np.array([0.9, 0.8, 0.7, 0.6]), np.array([True, False, False, True])
+    curve = precision_recall(said, right, wanted=2)
+    assert curve is not None
+    assert curve.precision.tolist() == pytest.approx([1, 1 / 2, 1 / 3, 1 / 2])
+    assert curve.average == pytest.approx((1 + 1 / 2) / 2)
+    rising = precision_recall(said, ~right, wanted=2)  # a lower threshold is more precise
+    assert rising is not None
+    assert rising.average == pytest.approx(2 / 3)
+
+
 def test_circles_of_one_confidence_stand_or_fall_together() -> None:
     curve = precision_recall(np.array([0.5, 0.5, 0.5]), np.array([True, False, False]), wanted=1)
     assert curve is not None
