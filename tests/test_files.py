@@ -56,10 +56,13 @@ def test_a_folder_is_replaced_whole_or_not_at_all(tmp_path: Path) -> None:
 
 
 KILLED = """
+import signal
 import sys
 from pathlib import Path
 from recorder.session_writer import SessionWriter
 from tests.builders import frame, rig
+# what a shell starts in the background has it ignored
+signal.signal(signal.SIGINT, signal.default_int_handler)
 with SessionWriter.create(Path(sys.argv[1]), rig()) as writer:
     for index in range(10**9):
         writer.write_frame(frame("left", index))
@@ -81,7 +84,10 @@ def test_a_killed_writer_leaves_nothing_under_the_name(
         assert writer.stdout is not None
         assert writer.stdout.readline() == b"writing\n"
         writer.send_signal(kill)
-        writer.wait(timeout=20)
+        try:
+            writer.wait(timeout=20)
+        finally:
+            writer.kill()
     assert not path.exists()
     if kill == signal.SIGINT:
         assert list(tmp_path.iterdir()) == []
