@@ -2,11 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final, cast
+from typing import Annotated, Final, cast
 
 import cv2
 import numpy as np
 import numpy.typing as npt
+from annotated_types import Ge, Gt, Lt
 from scipy.optimize import linear_sum_assignment
 
 from processor.nearness import USUAL_RADIUS_M
@@ -52,12 +53,12 @@ class Assignment:
     """
 
     model: MatchModel
-    row_slack: float = 0.4
-    size_ratio: float = 1.6
-    least_radius_m: float = 0.018
-    largest_radius_m: float = 0.075
-    least_probability: float = 0.5
-    margin: float = 0.0
+    row_slack: Annotated[float, Gt(0)] = 0.4
+    size_ratio: Annotated[float, Ge(1)] = 1.6
+    least_radius_m: Annotated[float, Ge(0)] = 0.018
+    largest_radius_m: Annotated[float, Gt(0)] = 0.075
+    least_probability: Annotated[float, Gt(0), Lt(1)] = 0.5
+    margin: Annotated[float, Ge(0)] = 0.0
 
     def __call__(self, left: ViewTrace, right: ViewTrace, rectification: Rectification) -> Matching:
         """Match the fruit of two rectified views; each fruit at most once.

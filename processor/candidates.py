@@ -2,11 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Final, cast
+from typing import Annotated, Final, cast
 
 import cv2
 import numpy as np
 import numpy.typing as npt
+from annotated_types import Ge, Gt
 
 from processor.nearness import Nearness
 from processor.trace import Floats
@@ -36,11 +37,11 @@ class Pairs:
         sizes: where nearness is known, shares of the usual radius that a point alone is tried with.
     """
 
-    step_px: int = 3
-    arcs_px: tuple[int, ...] = (16, 36, 80)
-    strangers: int = 3
-    slack: float = 0.12
-    sizes: tuple[float, ...] = (0.92, 1.0, 1.09)
+    step_px: Annotated[int, Ge(1)] = 3
+    arcs_px: tuple[Annotated[int, Ge(1)], ...] = (16, 36, 80)
+    strangers: Annotated[int, Ge(0)] = 3
+    slack: Annotated[float, Ge(0)] = 0.12
+    sizes: tuple[Annotated[float, Gt(0)], ...] = (0.92, 1.0, 1.09)
 
     def scaled(self, scale: float) -> "Pairs":
         """The same for pictures in which everything is `scale` times as large."""

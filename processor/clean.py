@@ -80,8 +80,8 @@ class SizeFloor:
         least_hole_px: of a hole; a leaf before a fruit leaves one, a highlight is filled.
     """
 
-    least_area_px: int = 30
-    least_hole_px: int = 60
+    least_area_px: Annotated[int, Ge(0)] = 30
+    least_hole_px: Annotated[int, Ge(0)] = 60
 
     def __call__(self, recognition: Recognition) -> Cleaning:
         """Clean a mask; an empty one gives no regions."""

@@ -1,11 +1,12 @@
 """Recognise fruit by two learned tables: what a pixel's colour says, then what surrounds it."""
 
 from dataclasses import dataclass
-from typing import Final, cast
+from typing import Annotated, Final, cast
 
 import cv2
 import numpy as np
 import numpy.typing as npt
+from annotated_types import Ge, Le
 
 from processor.trace import Recognition
 from recorder.records import Picture
@@ -52,10 +53,10 @@ class ColourTable:
     """
 
     model: ColourModel
-    near_px: int = 13
-    wide_px: int = 61
-    threshold: int = 127
-    halved_from_px: int | None = None
+    near_px: Annotated[int, Ge(1)] = 13
+    wide_px: Annotated[int, Ge(1)] = 61
+    threshold: Annotated[int, Ge(0), Le(255)] = 127
+    halved_from_px: Annotated[int, Ge(1)] | None = None
 
     def __call__(self, picture: Picture) -> Recognition:
         """Read both tables; the index shown is 255 times the probability of fruit."""

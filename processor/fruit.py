@@ -2,11 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final, cast
+from typing import Annotated, Final, cast
 
 import cv2
 import numpy as np
 import numpy.typing as npt
+from annotated_types import Ge, Gt, Lt
 
 from processor.candidates import Contour, Pairs, vote
 from processor.centres import CentreModel, Centres
@@ -93,17 +94,25 @@ class FruitFinder:
 
     model: FruitModel
     pairs: Pairs = Pairs()
-    least_radius_m: float = 0.028  # a small Gala
-    largest_radius_m: float = 0.052  # a large Fuji
-    nearest_m: float = NEAREST_M
-    furthest_m: float = FURTHEST_M
-    voted: int = 400
-    least_centre: float = 0.05
-    least_quality: float = 0.1
-    same: float = 0.3
-    same_as_good: float = 0.6
-    refined: int = 120
-    least_confidence: float = 0.5  # best F1 of fruit half visible, and near it of all, in training
+    least_radius_m: Annotated[float, Gt(0)] = 0.028  # a small Gala
+    largest_radius_m: Annotated[float, Gt(0)] = 0.052  # a large Fuji
+    nearest_m: Annotated[float, Gt(0)] = NEAREST_M
+    furthest_m: Annotated[float, Gt(0)] = FURTHEST_M
+    voted: Annotated[int, Ge(0)] = 400
+    least_centre: Annotated[float, Gt(0), Lt(1)] = 0.05
+    least_quality: Annotated[float, Ge(0)] = 0.1
+    same: Annotated[float, Ge(0)] = 0.3
+    same_as_good: Annotated[float, Ge(0)] = 0.6
+    refined: Annotated[int, Ge(1)] = 120
+    least_confidence: Annotated[float, Ge(0)] = (
+        0.5  # best F1 of fruit half visible, and near it of all, in training
+    )
+
+    def __post_init__(self) -> None:
+        if self.least_radius_m > self.largest_radius_m:
+            raise ValueError("least_radius_m is more than largest_radius_m")
+        if self.nearest_m >= self.furthest_m:
+            raise ValueError("nearest_m is not less than furthest_m")
 
     def __call__(self, cleaning: Cleaning, seed: Seed, look: Look) -> Circles:
         """Find fruit; each belongs to the region that has most of its circle's box."""
@@ -149,7 +158,7 @@ class FruitFinder:
         network = self.model.centres
         centres = None if network is None else network(look, nearness)
         tried = self._voted(cleaning, seed, look, nearness)
-        if centres is not None:
+        if centres is not None and cleaning.regions:  # every fruit belongs to one of them
             peaks = centres.peaks(self.least_centre)
             fitting = (peaks[:, 2] > window[0]) & (peaks[:, 2] < window[1])
             tried = np.concatenate([peaks[fitting], tried])

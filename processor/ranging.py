@@ -2,9 +2,10 @@
 
 import math
 from dataclasses import dataclass
-from typing import Final
+from typing import Annotated, Final
 
 import numpy as np
+from annotated_types import Gt
 
 from processor.likeness import shift_of_skins
 from processor.net import Floats32
@@ -63,7 +64,7 @@ class OutlineRange:
     """
 
     model: RangeModel
-    min_disparity_px: float = 1.0
+    min_disparity_px: Annotated[float, Gt(0)] = 1.0
 
     def __call__(
         self,

@@ -9,9 +9,10 @@ picture is as good as a reading on every fruit.
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Annotated, Final
 
 import numpy as np
+from annotated_types import Ge, Gt
 
 from processor.ranging import OutlineRange, RangeModel
 from processor.trace import Apple, Beam, Circles, Floats, Fruit, Matching, Sensed, ViewTrace
@@ -38,8 +39,8 @@ class ReadingRange:
         largest_radius_m: likewise.
     """
 
-    least_radius_m: float = 0.018
-    largest_radius_m: float = 0.075
+    least_radius_m: Annotated[float, Ge(0)] = 0.018
+    largest_radius_m: Annotated[float, Gt(0)] = 0.075
 
     def __call__(
         self,
@@ -67,9 +68,9 @@ class DepthRange:
         largest_radius_m: likewise.
     """
 
-    std_m: float = 0.01
-    least_radius_m: float = 0.018
-    largest_radius_m: float = 0.075
+    std_m: Annotated[float, Gt(0)] = 0.01
+    least_radius_m: Annotated[float, Ge(0)] = 0.018
+    largest_radius_m: Annotated[float, Gt(0)] = 0.075
 
     def __call__(
         self,
@@ -99,8 +100,8 @@ class FusedRange:
     """
 
     model: RangeModel
-    gate: float = 3.0
-    depth_std_m: float = 0.01
+    gate: Annotated[float, Gt(0)] = 3.0
+    depth_std_m: Annotated[float, Gt(0)] = 0.01
 
     def __call__(
         self,

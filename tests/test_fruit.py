@@ -42,6 +42,13 @@ def test_two_that_touch_are_two() -> None:
     assert np.sort(two[:, 0]) == pytest.approx([110, 186], abs=4)
 
 
+def test_what_nothing_recognises_is_no_fruit_whatever_the_network_says() -> None:
+    recognition = recognised(disc_mask(size_px=SIZE))
+    look = Look(rounded((150, 120, 40), size_px=SIZE), recognition, rectify(small_rig()))
+    eager = replace(finder(), least_centre=1e-6, least_quality=0.0, least_confidence=0.0)
+    assert eager(SizeFloor()(recognition), (0, 0, 0), look).fruit == ()
+
+
 def test_a_picture_without_fruit_has_none() -> None:
     assert found().fruit == ()
     assert found().tried.shape == (0, 5)

@@ -3,7 +3,7 @@
 import json
 import tomllib
 from pathlib import Path
-from typing import Any
+from typing import Any, get_type_hints
 
 import numpy as np
 import pytest
@@ -148,3 +148,29 @@ def test_a_bad_method_file_is_named(content: bytes | None, words: str, tmp_path:
         load_method(str(path))
     assert str(path) in str(caught.value)
     assert words in str(caught.value)
+
+
+EDGES = (-1, 0, 0.03, 1, 300)
+NUMBERS = sorted(
+    (stage, use, key)
+    for stage, alternatives in STAGES.items()
+    for use, kind in alternatives.items()
+    for key, hint in get_type_hints(kind).items()
+    if hint in (int, float)
+)
+
+
+@pytest.mark.parametrize(("stage", "use", "key"), NUMBERS)
+def test_a_number_at_its_edge_works_or_is_refused(stage: str, use: str, key: str) -> None:
+    rig = small_rig()
+    pictures, rectification = pair_of(rig, apple(1)), rectify(rig)
+    refused = []
+    for value in EDGES:
+        try:
+            locator = locator_from({"base": "pomolog", stage: {"use": use, key: value}})
+        except PomologError as error:
+            refused.append(str(error))
+        else:
+            locator(*pictures, rectification)
+    assert all(key in line for line in refused)
+    assert len(refused) < len(EDGES)
