@@ -104,9 +104,8 @@ class FruitFinder:
     same: Annotated[float, Ge(0)] = 0.3
     same_as_good: Annotated[float, Ge(0)] = 0.6
     refined: Annotated[int, Ge(1)] = 120
-    least_confidence: Annotated[float, Ge(0)] = (
-        0.5  # best F1 of fruit half visible, and near it of all, in training
-    )
+    # best F1 of fruit half visible, and near it of all, in training
+    least_confidence: Annotated[float, Ge(0)] = 0.5
 
     def __post_init__(self) -> None:
         if self.least_radius_m > self.largest_radius_m:
