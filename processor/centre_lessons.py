@@ -10,18 +10,16 @@ import numpy.typing as npt
 
 from processor.centres import (
     CELL,
-    COARSER,
     OUTPUTS,
     USUAL_PX,
-    near_px,
+    coarse_view,
     seen_by_network,
-    shrunk,
 )
 from processor.discs import LEAST_VISIBLE
-from processor.lessons import Lesson, expose
-from processor.nearness import FURTHEST_M, NEAREST_M, PAPERS_FOCAL_PX, Nearness, see_nearness
+from processor.lessons import Lesson, expose, looks_at
+from processor.nearness import FURTHEST_M, NEAREST_M, Nearness, see_nearness
 from processor.net import Floats32
-from processor.trace import Floats, Recogniser, look_both_ways
+from processor.trace import Floats, Recogniser
 from recorder.records import UNCOUNTED, Picture
 
 Flags = npt.NDArray[np.bool_]
@@ -58,18 +56,14 @@ def examples(groups: Sequence[tuple[Lesson, ...]], recognise: Recogniser) -> lis
     """Both views of pairs, which say how large fruit are in each other, and single pictures."""
     made = []
     for group in groups:
-        pictures = [lesson.picture for lesson in group]
-        recognitions = [recognise(picture) for picture in pictures]
-        looks = look_both_ways(pictures, recognitions, group[0].rectification)
-        for lesson, look in zip(group, looks, strict=True):
+        for lesson, look in zip(group, looks_at(group, recognise), strict=True):
             made.append(example(lesson, see_nearness(look, NEAREST_M, FURTHEST_M)))
     return made
 
 
 def example(lesson: Lesson, nearness: Nearness | None) -> Example:
     """Shrink a lesson."""
-    coarser = COARSER * lesson.rectification.focal_px / PAPERS_FOCAL_PX
-    small = shrunk(lesson.picture, coarser)
+    small, near = coarse_view(lesson.picture, lesson.rectification, nearness)
     height, width = small.shape[:2]
     across, down = width / lesson.labels.shape[1], height / lesson.labels.shape[0]
     half = np.array([0.5, 0.5, 0, 0])  # coordinates are of pixels' middles
@@ -77,7 +71,6 @@ def example(lesson: Lesson, nearness: Nearness | None) -> Example:
     unknown = (lesson.labels == UNCOUNTED).astype(np.float32)
     size = (-(-width // CELL), -(-height // CELL))
     doubtful = np.asarray(cv2.resize(unknown, size, interpolation=cv2.INTER_AREA)) > DOUBTFUL
-    near = near_px(nearness, small, coarser)
     return Example(lesson.name, small, near, discs, doubtful, lesson.fold, lesson.real)
 
 

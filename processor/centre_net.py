@@ -15,7 +15,7 @@ from processor.net import Floats32
 Weights = Mapping[str, tuple[Any, Any]]
 """Of each layer its kernel (k, k, inputs, outputs) and its bias (outputs,)."""
 
-_OPSET: Final = 13  # of ONNX: what OpenCV 4.11 reads
+_OPSET: Final = 13  # of ONNX: old enough for every OpenCV that we take
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,6 +17,7 @@ from processor.nearness import PAPERS_FOCAL_PX, Nearness
 from processor.net import Floats32
 from processor.trace import Floats, Look
 from recorder.records import Picture
+from recorder.rectify import Rectification
 
 COARSER: Final = 4  # times, with the paper's lens: how much smaller the picture is that it sees
 CELL: Final = 2  # of its pixels for each place of its answer
@@ -99,17 +100,25 @@ class CentreModel:
 
     def __call__(self, look: Look, nearness: Nearness | None) -> Centres:
         """Look at one view."""
-        coarser = COARSER * look.rectification.focal_px / PAPERS_FOCAL_PX
-        small = shrunk(look.picture, coarser)
+        small, near = coarse_view(look.picture, look.rectification, nearness)
         height, width = small.shape[:2]
         seen = np.zeros(
             (INPUTS, -height % MULTIPLE + height, -width % MULTIPLE + width), np.float32
         )
-        seen[:, :height, :width] = seen_by_network(small, near_px(nearness, small, coarser))
+        seen[:, :height, :width] = seen_by_network(small, near)
         network = _network(self.onnx)
         network.setInput(seen[None])
         said = network.forward()[0, :, : -(-height // CELL), : -(-width // CELL)]
         return told(said, look.picture.shape[1] / width)
+
+
+def coarse_view(
+    picture: Picture, rectification: Rectification, nearness: Nearness | None
+) -> tuple[Picture, Floats32]:
+    """The picture as small as the network sees it, and the usual radius there; (h, w) both."""
+    coarser = COARSER * rectification.focal_px / PAPERS_FOCAL_PX
+    small = shrunk(picture, coarser)
+    return small, near_px(nearness, small, coarser)
 
 
 def shrunk(picture: Picture, coarser: float) -> Picture:

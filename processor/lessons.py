@@ -11,7 +11,7 @@ import numpy as np
 
 from processor.crossfit import FOLDS
 from processor.discs import true_discs
-from processor.trace import Floats
+from processor.trace import Floats, Look, Recogniser, look_both_ways
 from recorder.errors import PomologError
 from recorder.pictures import decode
 from recorder.records import SIDES, UNCOUNTED, Labels, Picture
@@ -68,6 +68,13 @@ class Lesson:
     def exposed(self, stops: float) -> "Lesson":
         """The same scene exposed so many stops longer, clipped as a camera clips."""
         return replace(self, picture=expose(self.picture, stops))
+
+
+def looks_at(group: Sequence[Lesson], recognise: Recogniser) -> tuple[Look, ...]:
+    """Looks at both views of a pair, that know of each other, or at one picture alone."""
+    pictures = [lesson.picture for lesson in group]
+    recognitions = [recognise(picture) for picture in pictures]
+    return look_both_ways(pictures, recognitions, group[0].rectification)
 
 
 def expose(picture: Picture, stops: float) -> Picture:

@@ -14,9 +14,9 @@ from processor.crossfit import FOLDS, Fitted, cross_fit
 from processor.discs import LEAST_VISIBLE, disc_iou
 from processor.evidence import CLAIM_MEASURES, MEASURES, Claims
 from processor.fruit import FruitFinder, FruitModel, Proposals
-from processor.lessons import Lesson
+from processor.lessons import Lesson, looks_at
 from processor.net import Floats32, Net
-from processor.trace import Cleaner, Floats, Look, look_both_ways
+from processor.trace import Cleaner, Floats, Look
 from processor.train_centres import TaughtCentres
 from recorder.records import UNCOUNTED, Labels, Picture, counted_fruit
 
@@ -168,10 +168,8 @@ def _looks(
     for group in groups:
         for stop in stops if not group[0].real else (0.0,):
             exposed = [lesson.exposed(stop) for lesson in group]
-            pictures = [lesson.picture for lesson in exposed]
-            recognitions = [recognise(picture) for picture in pictures]
             lessons += exposed
-            looks += look_both_ways(pictures, recognitions, group[0].rectification)
+            looks += looks_at(exposed, recognise)
     return lessons, looks
 
 

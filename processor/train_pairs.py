@@ -14,10 +14,10 @@ from processor.count import LEAST_IOU
 from processor.crossfit import cross_fit
 from processor.discs import LEAST_VISIBLE, disc_iou
 from processor.fruit import FruitFinder, FruitModel
-from processor.lessons import Lesson
+from processor.lessons import Lesson, looks_at
 from processor.net import Floats32, Net
 from processor.ranging import Disparities, RangeModel, measure
-from processor.trace import Floats, Matching, ViewTrace, look_both_ways
+from processor.trace import Floats, Matching, ViewTrace
 from processor.train import on_uncounted
 
 Say = Callable[[str], None]
@@ -53,12 +53,8 @@ def see(
         finder = FruitFinder(fruit[pair[0].fold])
         for stop in stops:
             lessons = (pair[0].exposed(stop), pair[1].exposed(stop))
-            pictures = [lesson.picture for lesson in lessons]
-            recognitions = [recognise(picture) for picture in pictures]
             views = []
-            for side, look in enumerate(
-                look_both_ways(pictures, recognitions, lessons[0].rectification)
-            ):
+            for side, look in enumerate(looks_at(lessons, recognise)):
                 cleaning = clean(look.recognition)
                 circles = finder(cleaning, (number, side), look)
                 views.append(ViewTrace(look.picture, look.recognition, cleaning, circles))
