@@ -5,7 +5,6 @@ Each device has a thread, the disk has one; this puts them together, and says ea
 
 import time
 from collections.abc import Iterator, Mapping
-from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 from threading import Event, Thread
@@ -92,8 +91,7 @@ class Recorder:
             if self._rangefinder is not None:
                 self._rangefinder.stop()
             raise
-        with ThreadPoolExecutor(len(SIDES)) as pool:  # a camera's frames must not wait
-            list(pool.map(partial(settle, plan, cameras, self._timelines), SIDES))
+        settle(plan, cameras, self._timelines)
         self._reporter = Reporter(plan, self._ledgers, self._storage, self._timelines)
         self._loops = self._camera_loops(cameras)
         self._begin()

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Final, Self
 
 SETTLED_FRAMES: Final = 10  # by then one of them arrived promptly
+FALL_NS: Final = 5_000_000  # a line that still falls by so much says that frames had been waiting
 MAX_DRIFT: Final = 500e-6  # no crystal is worse; a steeper line is noise of a short beginning
 BUCKET_NS: Final = 1_000_000_000  # the earliest arrival of each second is enough
 MEMORY_BUCKETS: Final = 120  # two minutes: drift follows the camera's temperature
@@ -58,7 +59,7 @@ class ClockMap:
         # (device time, host minus device) of the earliest arrival in each second
         self._buckets: deque[tuple[int, int]] = deque(maxlen=MEMORY_BUCKETS)
         self._last_ns: int | None = None
-        self._frames = 0
+        self._frames = 0  # since the line fell
         self._offset_ns = 0.0  # at `_origin_ns`
         self._slope = 0.0
         self._origin_ns = 0
@@ -69,7 +70,10 @@ class ClockMap:
 
     @property
     def settled(self) -> bool:
-        """Whether enough frames have come to trust the line."""
+        """Whether enough frames have come to trust the line.
+
+        Frames that had waited in a driver come all at once, each less late than the one before.
+        """
         return self._frames >= SETTLED_FRAMES
 
     @property
@@ -80,11 +84,13 @@ class ClockMap:
     def add(self, device_ns: int, monotonic_ns: int) -> None:
         """Note a frame: its device time, and when it had arrived."""
         offset_ns = monotonic_ns - device_ns
-        if self._last_ns is not None and (
-            device_ns < self._last_ns - STEP_NS or offset_ns < self._predict(device_ns) - STEP_NS
-        ):
-            self._forget()
-            self.restarts += 1
+        if self._last_ns is not None:
+            fallen_ns = self._predict(device_ns) - offset_ns
+            if device_ns < self._last_ns - STEP_NS or fallen_ns > STEP_NS:
+                self._forget()
+                self.restarts += 1
+            elif fallen_ns > FALL_NS:
+                self._frames = 0
         self._last_ns = max(device_ns, self._last_ns or device_ns)
         self._frames += 1
         if self._buckets and device_ns // BUCKET_NS <= self._buckets[-1][0] // BUCKET_NS:

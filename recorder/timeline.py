@@ -1,10 +1,10 @@
 """Where a camera's frames lie in the session's time."""
 
-from recorder.cameras import Shot
+from recorder.cameras import BUFFERS, Shot
 from recorder.clocks import ClockMap, SessionClock
 
 LATE_NS = 100_000_000  # a frame that arrives so long after its exposure is late
-HELD_FRAMES = 20  # a clock that never settles may hold back no more
+HELD_FRAMES = BUFFERS + 16  # a clock that never settles may hold back no more
 
 
 class Timeline:

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
 from typing import Final
 
 from recorder.cameras import Camera, Shot
@@ -13,20 +14,28 @@ from recorder.timeline import Timeline
 FIRST_SHOT_S: Final = 5.0  # a camera may take this long to begin
 
 
-def settle(
-    plan: Plan, cameras: Mapping[Side, Camera], timelines: Mapping[str, Timeline], side: Side
-) -> None:
-    """Take frames that will not be kept until the camera's clock is known, or gone already."""
+def settle(plan: Plan, cameras: Mapping[Side, Camera], timelines: Mapping[str, Timeline]) -> None:
+    """Take frames that will not be kept until both cameras' clocks are known, or a camera is gone.
+
+    Neither camera's frames may wait for the other's clock: a driver soon has no room for more.
+    """
     until_s = time.monotonic() + FIRST_SHOT_S
-    settled = False
-    while not settled and time.monotonic() < until_s:
-        try:
-            if plan.equipment.cameras[side].trigger == "software":
-                cameras[side].trigger()
-            shot = cameras[side].next_shot(0.5)
-        except PomologError:
-            return  # the recording's own watchdog opens it anew
-        settled = shot is not None and timelines[side].note(shot)
+    unsettled = set(cameras)
+
+    def take(side: Side) -> None:
+        while unsettled and time.monotonic() < until_s:
+            try:
+                if plan.equipment.cameras[side].trigger == "software":
+                    cameras[side].trigger()
+                shot = cameras[side].next_shot(0.5)
+            except PomologError:
+                break  # the recording's own watchdog opens it anew
+            if shot is not None and timelines[side].note(shot):
+                unsettled.discard(side)
+        unsettled.discard(side)
+
+    with ThreadPoolExecutor(len(cameras)) as pool:
+        list(pool.map(take, cameras))
 
 
 def first_shot(plan: Plan, cameras: Mapping[Side, Camera], side: Side) -> Shot:

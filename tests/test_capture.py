@@ -19,6 +19,7 @@ import pytest
 
 from recorder.cameras import Shot
 from recorder.capture import Recorder
+from recorder.clocks import ClockMap, SessionClock
 from recorder.equipment import CaptureSettings, load_equipment
 from recorder.errors import PomologError
 from recorder.exposure import half_size, look_at
@@ -28,12 +29,14 @@ from recorder.plan import make_plan
 from recorder.preflight import preflight, row_residual_px
 from recorder.preview import crosshair_px
 from recorder.rangefinders.dimetix import with_even_parity
-from recorder.records import SIDES
+from recorder.records import SIDES, Side
 from recorder.rig import Rangefinder, parallel_rig
 from recorder.salvage import survey
 from recorder.segment import Recording
 from recorder.session import Session
 from recorder.storage import Storage
+from recorder.timeline import Timeline
+from recorder.warm_up import settle
 from recorder.write_queue import Entry
 from tests.line_devices import LineDevice, dimetix_answer
 from tests.real_parts import need_module
@@ -52,6 +55,44 @@ def wait_for(path: Path) -> None:
     while not path.exists() and time.monotonic() < end:
         time.sleep(0.02)
     assert path.exists()
+
+
+class Ticking:
+    """A camera of 100 frames a second whose driver has room for 24."""
+
+    def __init__(self, begin_s: float) -> None:
+        self._next_s = begin_s
+        self.lost = 0
+
+    def next_shot(self, timeout_s: float) -> Shot | None:
+        now_s = time.monotonic()
+        while now_s - self._next_s > 0.24:
+            self._next_s += 0.01
+            self.lost += 1
+        if self._next_s > now_s:
+            if self._next_s - now_s > timeout_s:
+                time.sleep(timeout_s)
+                return None
+            time.sleep(self._next_s - now_s)
+        taken_ns = round(self._next_s * 1e9)
+        self._next_s += 0.01
+        return Shot(None, taken_ns, 0, time.monotonic_ns(), "jpeg", (1, 1), b"x")
+
+    def trigger(self) -> None:
+        raise AssertionError
+
+    def close(self) -> None:
+        raise AssertionError
+
+
+def test_no_camera_waits_while_the_other_clock_is_learned(tmp_path: Path) -> None:
+    plan = make_plan(rig_with_pictures(tmp_path), tmp_path, about={})
+    begin_s = time.monotonic()
+    cameras: dict[Side, Ticking] = {"left": Ticking(begin_s), "right": Ticking(begin_s + 1.0)}
+    timelines = {str(side): Timeline(SessionClock(0, 0), ClockMap()) for side in SIDES}
+    settle(plan, cameras, timelines)
+    cameras["left"].next_shot(0.0)
+    assert cameras["left"].lost == 0
 
 
 def test_an_operator_at_a_terminal_takes_readings_and_notes(tmp_path: Path) -> None:

@@ -74,6 +74,19 @@ def test_frames_wait_for_the_clock_but_not_for_ever() -> None:
     assert len(jumps[-1]) == HELD_FRAMES
 
 
+def test_frames_that_waited_in_a_driver_do_not_set_the_clock() -> None:
+    """A computer that stalls takes what its driver held all at once, when it is long exposed."""
+    timeline = Timeline(SessionClock(0, 0), ClockMap())
+    stall_ns, interval_ns = 600 * MS, SECOND // 30
+    placed = [
+        (frame.device_ns, time_ns)
+        for i in range(40)
+        for frame, time_ns in timeline.place(shot(i * interval_ns, max(stall_ns, i * interval_ns)))
+    ]
+    assert [device_ns for device_ns, _ in placed] == [i * interval_ns for i in range(40)]
+    assert max(abs(time_ns - (device_ns or 0)) for device_ns, time_ns in placed) < MS
+
+
 def test_times_of_one_camera_always_grow() -> None:
     timeline = Timeline(SessionClock(0, 0), ClockMap())
     rng = np.random.default_rng(1)
