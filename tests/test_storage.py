@@ -62,8 +62,7 @@ def test_a_recording_ended_by_a_signal_is_whole(tmp_path: Path) -> None:
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         folder = tmp_path / number.name
         recorder = start(rig_with_pictures(folder), folder)
-        wait_for(folder / "row.mcap.part")
-        time.sleep(0.5)
+        wait_for(folder / "row.mcap.part", 300_000)  # pictures of both cameras
         recorder.send_signal(number)
         _, errors = recorder.communicate(timeout=20)
         assert (recorder.returncode, errors) == (0, "")
