@@ -1,12 +1,14 @@
 """A Dask cluster as the workers of a replay: the only importer of Dask.
 
-Dask replaces workers and does their jobs again by itself; a job that has killed several is given
-up (`distributed.scheduler.allowed-failures`, 3). Whoever can reach a Dask scheduler can run code
-on it, so it belongs into a network of one's own, or behind Dask's TLS: see docs/scale.md.
+Dask replaces workers and does their jobs again by itself, until several have died over a job
+(`distributed.scheduler.allowed-failures`, 3). It blames all jobs that a dead worker had, so such a
+job is tried once more alone. Whoever can reach a Dask scheduler can run code on it, so it belongs
+into a network of one's own, or behind Dask's TLS: see docs/scale.md.
 """
 
 import threading
 import warnings
+from collections import deque
 from typing import Any, Final, Self
 
 from processor.slices import Joined, Tick
@@ -50,6 +52,7 @@ class Cluster:
                 f"no Dask scheduler at {address} ({reason}); start one with: dask scheduler"
             ) from None
         self._running: dict[Any, Job] = {}
+        self._suspects: deque[Job] = deque()  # one of them killed workers
         self._done = distributed.as_completed(loop=self._client.loop)
         if not self._threads():
             self._client.close()
@@ -69,8 +72,8 @@ class Cluster:
 
     @property
     def room(self) -> int:
-        """For one job a thread, and one each that waits; workers may come and go."""
-        return max(2, 2 * self._threads()) - len(self._running)
+        """For one job a thread, and one each that waits; for none while one is suspected."""
+        return 0 if self._suspects else max(2, 2 * self._threads()) - len(self._running)
 
     def submit(self, job: Job) -> None:
         """Queue a job; its paths must mean the same on every worker."""
@@ -84,26 +87,37 @@ class Cluster:
         Raises:
             PomologError: the scheduler is gone.
         """
+        while self._running:
+            job, found = self._settled()
+            if found:
+                return found
+            self._suspects.append(job)
+        self.submit(self._suspects.popleft())  # alone: Dask blames all that a dead worker had
+        job, found = self._settled()
+        return found or (job, killer(job, "with more memory a worker"))
+
+    def _settled(self) -> tuple[Job, tuple[Job, Result] | None]:
+        """A job and what became of it; None: it was there when several workers died."""
         future = next(self._done)
         job = self._running.pop(future)
         try:
             result: Joined | None = future.result()
         except PomologError as error:
-            return job, error
+            return job, (job, error)
         except self._killed:
-            return job, killer(job, "with more memory a worker")
+            return job, None
         except self._gone:
             raise PomologError(
                 f"the cluster at {self._address} is gone; run the same command again, it goes on"
             ) from None
         except ImportError as error:
-            return job, PomologError(
+            return job, (job, PomologError(
                 f"{job}: a worker lacks something ({error}); install the same pomolog on every one"
-            )
+            ))  # fmt: skip
         except Exception as bug:
-            return job, our_bug(job, bug)
+            return job, (job, our_bug(job, bug))
         self._tick(job.pairs)
-        return job, result
+        return job, (job, result)
 
 
 def _do(job: Job) -> Joined | None:

@@ -178,13 +178,16 @@ def test_a_slice_whose_worker_died_is_done_again(tmp_path: Path) -> None:
 @pytest.mark.usefixtures("undescribed")
 @pytest.mark.parametrize("far", [False, True], ids=["pool", "cluster"])
 def test_a_session_that_kills_every_worker_is_reported_and_the_others_go_on(
-    far: bool, tmp_path: Path, request: pytest.FixtureRequest
+    far: bool, tmp_path: Path, request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     first, last = sessions_in(tmp_path, 5, 6)
     bad = stereo_session(tmp_path / "bad.mcap", [[apple(1)]] * 2)  # 320 x 240 px
     how: dict[str, Any] = {"workers": 2}
     if far:
-        how = {"cluster": request.getfixturevalue("cluster").scheduler_address}
+        cluster = request.getfixturevalue("cluster")
+        how = {"cluster": cluster.scheduler_address}
+        # at the first death all that the worker had is given up, the innocent as well
+        monkeypatch.setattr(cluster.scheduler, "allowed_failures", 0)
     outcomes: list[Outcome] = list(
         replay(
             [first, bad, last], tmp_path / "out", with_recogniser(FatalAbove(100)), rrd="none",
