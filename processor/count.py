@@ -27,6 +27,7 @@ from recorder.records import (
 from recorder.rectify import Rectification
 
 LEAST_IOU = 0.5
+SEEN_WORTH = 0.2  # of IoU that an apple in full view is ahead of one that hardly is
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,9 +146,14 @@ def count_pixels(mask: Mask, labels: Labels, *, partial: bool = False) -> Counts
 
 
 def find(circles: Circles, discs: Discs) -> tuple[int | None, ...]:
-    """For each circle the place of the disc that it finds, one to one, wanted discs first."""
+    """For each circle the place of the disc that it finds, one to one, wanted discs first.
+
+    Of two apples in one line of sight, both of which it fits, it finds the one that is seen, unless
+    it fits the other clearly better.
+    """
     iou = disc_iou(circles.as_array(), discs.circles)
-    gain = np.where(iou >= LEAST_IOU, iou + discs.wanted[None, :], 0.0)
+    worth = discs.wanted + SEEN_WORTH * np.nan_to_num(discs.visible)
+    gain = np.where(iou >= LEAST_IOU, iou + worth[None, :], 0.0)
     rows, columns = linear_sum_assignment(gain, maximize=True)
     places: list[int | None] = [None] * len(circles.fruit)
     for i, j in zip(rows.tolist(), columns.tolist(), strict=True):

@@ -193,6 +193,17 @@ def test_a_circle_that_fits_two_apples_finds_the_visible_one() -> None:
     assert counts.found_left == (2,)
 
 
+@pytest.mark.parametrize(("dx_px", "found"), [(7.0, 2), (1.0, 1)])
+def test_of_two_apples_in_line_a_circle_finds_the_one_that_is_seen_unless_it_fits_the_other(
+    dx_px: float, found: int
+) -> None:
+    hidden = replace(apple(1, 0.0, 0.0, 0.6), left_visible=0.15)
+    before = replace(apple(2, 16.0 * 0.6 / PARALLEL.focal_px, 0.0, 0.6), left_visible=1.0)
+    truth = FrameTruth(apples=(hidden, before))
+    counts = counted(trace_of([circle_on(hidden, "left", dx_px)], []), truth)
+    assert counts.found_left == (found,)
+
+
 def test_a_circle_on_uncounted_fruit_is_no_mistake() -> None:
     true = apple(1, -0.08, seen=1.0)
     labels = labels_of((UNCOUNTED, 250, 120, 30))
