@@ -8,6 +8,7 @@ from typing import Any, Final
 import cv2
 import numpy as np
 
+from recorder.errors import PomologError
 from recorder.records import AppleTruth, FrameTruth, Labels, Picture
 from recorder.rig import Camera, Rig, load_rig
 
@@ -26,24 +27,33 @@ class Labelled:
 
 
 def read_pair(folder: Path) -> tuple[Rig, Picture, Picture]:
-    """The rig and both colour pictures, left first."""
+    """The rig and both colour pictures, left first.
+
+    Raises:
+        PomologError: one of them cannot be read.
+    """
     rig = load_rig(folder / "rig_opencv.yaml")
-    pictures = [_read(folder / f"{frame}_colour.png") for frame in (LEFT, RIGHT)]
-    return rig, pictures[0], pictures[1]
+    pictures = [_read(folder / f"{frame}_colour.png", cv2.IMREAD_COLOR) for frame in (LEFT, RIGHT)]
+    return rig, pictures[0].astype(np.uint8), pictures[1].astype(np.uint8)
 
 
-def _read(path: Path) -> Picture:
-    picture = cv2.imread(str(path), cv2.IMREAD_COLOR)
-    assert picture is not None, path
-    return picture.astype(np.uint8)
+def _read(path: Path, flags: int = cv2.IMREAD_UNCHANGED) -> cv2.typing.MatLike:
+    picture = cv2.imread(str(path), flags)
+    if picture is None:
+        raise PomologError(f"cannot read {path}; is it there, and a whole PNG?")
+    return picture
 
 
 def read_truth(folder: Path, camera: Camera) -> Labelled:
-    """Labels from masks and boxes, places from the depth picture, radii from callipers."""
+    """Labels from masks and boxes, places from the depth picture, radii from callipers.
+
+    Raises:
+        PomologError: a mask or the depth picture cannot be read.
+    """
     with (folder / "apples_truth.csv").open(newline="") as file:
         rows = [row for row in csv.DictReader(file) if not row["fruit_id"].startswith(BALLS)]
     labels = {frame: _labels(folder, frame, rows) for frame in (LEFT, RIGHT)}
-    depth = cv2.imread(str(folder / f"{LEFT}_depth_mm.png"), cv2.IMREAD_UNCHANGED)
+    depth = _read(folder / f"{LEFT}_depth_mm.png")
     apples = []
     for row in rows:
         if row["frame"] != LEFT:
@@ -66,8 +76,7 @@ def read_truth(folder: Path, camera: Camera) -> Labelled:
 
 def _labels(folder: Path, frame: str, rows: list[dict[str, str]]) -> Labels:
     """Each labelled apple's own pixels: its mask within its box."""
-    mask = cv2.imread(str(folder / f"{frame}_mask.png"), cv2.IMREAD_UNCHANGED)
-    assert mask is not None
+    mask = _read(folder / f"{frame}_mask.png")
     labels = np.zeros(mask.shape, np.uint16)
     for row in rows:
         if row["frame"] != frame:
