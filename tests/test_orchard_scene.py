@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from benchmarks.colours import histogram_row, summary
 from recorder.cli import app
 from recorder.errors import PomologError
 from recorder.orchard import engine
@@ -245,18 +244,3 @@ def test_a_reading_has_the_instruments_noise_and_says_when_nothing_answers() -> 
     assert (silent.range_m, silent.status) == (None, "no echo")
     assert reading(rng, 0, 9.0, std_m=0.002, reach_m=5, apple_id=None).range_m is None
     assert reading(rng, 0, 0.5, std_m=1e-9, reach_m=5, apple_id=None).raw == "g0g+00005000"
-
-
-def test_colour_features_tell_red_fruit_from_green_leaves() -> None:
-    picture = np.zeros((40, 40, 3), np.uint8)
-    picture[:, :20], picture[:, 20:] = (40, 50, 180), (40, 110, 60)
-    left = np.zeros((40, 40), bool)
-    left[:, :15] = True
-    right = left[:, ::-1]
-    apple, leaf = (summary([(picture, chosen)]) for chosen in (left, right))
-    assert apple["R-G"][1] == 130
-    assert leaf["R-G"][1] == -50
-    assert apple["(R-G)/(G-B)"][1] == pytest.approx(13)
-    assert apple["edge"][1] == 0
-    drawn = histogram_row("apple", [("made", (0, 0, 200), [(picture, left)])])
-    assert drawn.shape[1] == 4 * 300
