@@ -25,6 +25,9 @@ docs: $(VENV)/ready-dev # the site of docs/, in results/site/index.html
 docs-pictures: $(VENV)/ready-dev # needs Chromium and Mesa's Vulkan (mesa-vulkan-drivers)
 	$(RUN)/python -m tests.visual.documents
 	$(RUN)/python -m tests.visual.debugging
+	$(RUN)/python -m benchmarks.colours --real ../shared/data --plot docs/orchard-colours.png
+	$(RUN)/python -m benchmarks.failures sessions/segmentation-*-test.mcap \
+		sessions/matching-*-test.mcap sessions/distance-*.mcap --out docs/pictures
 
 sessions: $(VENV)/ready-orchard # about an hour; also needs LLVM 19 (on Debian: libllvm19)
 	$(RUN)/python sessions/make_sessions.py
