@@ -173,6 +173,8 @@ def main() -> None:
     try:
         if words.plot:
             require_ending(words.plot, ".png")
+            if words.plot.is_dir():
+                raise PomologError(f"--plot {words.plot} is a folder; give it a name in there")
         real, missing = real_sets(words.real) if words.real else ((), ())
         sets = (*real, *RENDERED)
         summaries = measure(sets)

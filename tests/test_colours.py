@@ -11,8 +11,10 @@ import pytest
 from benchmarks import colours
 from benchmarks.colours import PictureSet, measure, rendered, without_rim
 from benchmarks.features import cells, summary
+from processor.experiments.story import read_truth
 from recorder.errors import PomologError
 from recorder.records import UNCOUNTED, Labels, Picture
+from tests.builders import rig
 
 PAGE = Path(__file__).parent.parent / "docs" / "orchard.md"
 DARK_RED = PictureSet("dark red, front", "tab:purple", partial(rendered, "cultivar-dark-red.mcap"))
@@ -109,10 +111,18 @@ def test_the_plot_is_drawn_unless_real_pictures_are_missing(
     assert drawn.shape == (550, 1200, 3)
 
 
-def test_a_plot_of_another_kind_of_file_is_refused_before_the_work(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("name", ["colours.svg", ""])
+def test_a_plot_of_another_kind_or_name_is_refused_before_the_work(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(colours, "measure", lambda _: pytest.fail("worked all the same"))
-    monkeypatch.setattr(sys, "argv", ["colours", "--plot", str(tmp_path / "colours.svg")])
-    with pytest.raises(SystemExit, match=r"colours\.svg"):
+    monkeypatch.setattr(sys, "argv", ["colours", "--plot", str(tmp_path / name)])
+    with pytest.raises(SystemExit, match=name or "is a folder"):
         colours.main()
+
+
+def test_a_mask_of_the_real_tree_that_cannot_be_read_is_one_line(tmp_path: Path) -> None:
+    (tmp_path / "apples_truth.csv").write_text("frame,fruit_id\n")
+    (tmp_path / "125309_mask.png").write_bytes(b"cut off")
+    with pytest.raises(PomologError, match=r"cannot read .*125309_mask\.png; is it there"):
+        read_truth(tmp_path, rig().left)
