@@ -17,6 +17,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from benchmarks.one_line import one_line
 from processor.count import LEAST_IOU, FrameCounts, count_frame
 from processor.discs import LEAST_VISIBLE, disc_iou, true_discs
 from processor.fruit import FruitFinder
@@ -171,6 +172,7 @@ def _percent(rate: float | None) -> str:
     return "-" if rate is None else f"{100 * rate:.1f}"
 
 
+@one_line
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)

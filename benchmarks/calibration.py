@@ -12,6 +12,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from benchmarks.one_line import one_line
 from processor.experiments.story import LEFT, RIGHT
 from recorder.calibrate.board import parse_board
 from recorder.calibrate.calibration import Calibration, calibrate
@@ -103,6 +104,7 @@ def table(sets: dict[str, Calibration]) -> Table:
     return shown
 
 
+@one_line
 def main() -> None:
     """Print the table and the tree's rows."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)

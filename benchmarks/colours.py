@@ -9,7 +9,6 @@ not in the folder is left out of the table, and the plot is then not drawn.
 """
 
 import argparse
-import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -23,6 +22,7 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks.features import BINS, FEATURES, PIXELS, Labelled, Summary, cells, summary
+from benchmarks.one_line import one_line
 from processor.experiments.real_pictures import CROPS, TREE
 from processor.experiments.story import read_pair, read_truth
 from processor.lessons import boxed, lesson_pairs
@@ -161,6 +161,7 @@ def plot(summaries: Summaries, sets: Sequence[PictureSet], path: Path) -> None:
     plt.close(figure)
 
 
+@one_line
 def main() -> None:
     """Measure, print and plot."""
     parser = argparse.ArgumentParser(
@@ -170,23 +171,20 @@ def main() -> None:
     parser.add_argument("--plot", type=Path, help="PNG of the histograms")
     words = parser.parse_args()
     cv2.setNumThreads(1)
-    try:
-        if words.plot:
-            require_ending(words.plot, ".png")
-            if words.plot.is_dir():
-                raise PomologError(f"--plot {words.plot} is a folder; give it a name in there")
-        real, missing = real_sets(words.real) if words.real else ((), ())
-        sets = (*real, *RENDERED)
-        summaries = measure(sets)
-        Console(width=140).print(table(summaries))
-        if missing:
-            kept = f"; {words.plot} stays as it is" if words.plot else ""
-            print(f"left out: no {' and no '.join(missing)} in {words.real}{kept}")
-        elif words.plot:
-            plot(summaries, sets, words.plot)
-            print(words.plot)
-    except PomologError as error:
-        sys.exit(str(error))
+    if words.plot:
+        require_ending(words.plot, ".png")
+        if words.plot.is_dir():
+            raise PomologError(f"--plot {words.plot} is a folder; give it a name in there")
+    real, missing = real_sets(words.real) if words.real else ((), ())
+    sets = (*real, *RENDERED)
+    summaries = measure(sets)
+    Console(width=140).print(table(summaries))
+    if missing:
+        kept = f"; {words.plot} stays as it is" if words.plot else ""
+        print(f"left out: no {' and no '.join(missing)} in {words.real}{kept}")
+    elif words.plot:
+        plot(summaries, sets, words.plot)
+        print(words.plot)
 
 
 if __name__ == "__main__":

@@ -18,6 +18,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from benchmarks.one_line import one_line
 from processor.compare.judge import Judged, judge
 from processor.compare.pictures import (
     Results,
@@ -198,6 +199,7 @@ def rows(pool: Pool, trials: int, seed: int, tick: Callable[[], None]) -> Iterat
         yield [f"{pairs:,}", *(f"{100 * np.mean(share):.1f}" for share in shares)]
 
 
+@one_line
 def main() -> None:
     """Replay, play and print."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)

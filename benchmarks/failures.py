@@ -10,6 +10,7 @@ import argparse
 import tempfile
 from pathlib import Path
 
+from benchmarks.one_line import one_line
 from processor.methods import METHODS
 from processor.replay import replay
 from processor.runs import find_runs
@@ -19,6 +20,7 @@ from recorder.files import replacing
 from viewer.strips import strips
 
 
+@one_line
 def main() -> None:
     """Replay, rank, draw, and print what a page shows of it."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)

@@ -26,6 +26,7 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks.material import many_pairs
+from benchmarks.one_line import one_line
 from processor.methods import METHODS
 from processor.replay import SLICE_PAIRS, Replayed, replay
 from processor.slices import RrdChoice
@@ -164,6 +165,7 @@ def plot(costs: list[tuple[int, list[float]]], path: Path) -> None:
     figure.savefig(path, dpi=110)
 
 
+@one_line
 def main() -> None:
     """Measure, print and plot."""
     parser = argparse.ArgumentParser(

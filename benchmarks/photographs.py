@@ -16,6 +16,7 @@ from rich.console import Console
 from rich.table import Table
 from scipy.optimize import linear_sum_assignment
 
+from benchmarks.one_line import one_line
 from processor.lessons import Lesson, boxed, read_boxes
 from processor.locate import Locator
 from processor.methods import METHODS
@@ -48,6 +49,7 @@ def count(circles: Floats, boxes: Floats, size_px: tuple[int, int]) -> tuple[int
     return tp, len(circles) - tp, len(boxes) - tp
 
 
+@one_line
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)

@@ -16,6 +16,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from benchmarks.one_line import one_line
 from processor.count import count_frame
 from processor.locate import Locator
 from processor.methods import METHODS, locator_from
@@ -66,6 +67,7 @@ def errors_of(sessions: Iterable[Path]) -> tuple[Found, int]:
     return found, met
 
 
+@one_line
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)

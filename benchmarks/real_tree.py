@@ -21,6 +21,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from benchmarks.one_line import one_line
 from processor.circles import HoughCircles, RandomRing
 from processor.clean import AreaRule
 from processor.count import count_frame
@@ -174,6 +175,7 @@ def _spread(values: list[float]) -> str:
     return f"{len(values)}, {median:+.0f}, {mad:.0f}"
 
 
+@one_line
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
