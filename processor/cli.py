@@ -206,7 +206,7 @@ def train(
     boxes: Annotated[Path | None, typer.Option(help="Photographs: images/, labels/.")] = None,
     network_rounds: Annotated[
         int, typer.Option(min=0, help="Passes to train the network of centres; 0 leaves it out.")
-    ] = 40,
+    ] = 100,
     as_json: AsJson = False,
 ) -> None:
     """Learn a model for method `pomolog`; an hour, most of it for a network (needs JAX).

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from threading import Event
 
 import cv2
 import numpy as np
@@ -15,6 +16,7 @@ from processor.nearness import Nearness
 from processor.net import Floats32
 from processor.trace import Look, Recognition
 from processor.train_centres import CROP_PX, learn_centres, train_centres
+from recorder.errors import PomologError
 from recorder.records import UNCOUNTED
 from recorder.rectify import rectify
 from recorder.rig import parallel_rig
@@ -160,6 +162,13 @@ def test_networks_that_are_done_are_not_trained_again(tmp_path: Path) -> None:
     assert again.whole is not None
     assert first.whole is not None
     assert again.whole.onnx == first.whole.onnx
+
+
+def test_training_ends_where_it_is_stopped() -> None:
+    stopping = Event()
+    stopping.set()
+    with pytest.raises(PomologError, match="begin it again"):
+        train_centres([drawn(100, 100, 20)], rounds=1, stopping=stopping)
 
 
 @pytest.mark.slow
