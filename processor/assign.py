@@ -15,7 +15,7 @@ from processor.net import Floats32, Net
 from processor.trace import Floats, Fruit, Matching, ViewTrace
 from recorder.rectify import Rectification
 
-PAIR_MEASURES: Final = 18
+PAIR_MEASURES: Final = 20
 _GRID: Final = np.linspace(-0.9, 0.9, 18)
 _SPOTS: Final = np.array([(x, y) for y in _GRID for x in _GRID if np.hypot(x, y) <= 0.95])
 _NOISE: Final = 2.0  # grey levels; texture below it says nothing
@@ -114,12 +114,20 @@ class Assignment:
             *looks.T, np.minimum(sure[0][rows], sure[1][columns]),
             np.maximum(sure[0][rows], sure[1][columns]),
             *_coarsely(lefts, rights, rows, columns, disparity[picked]),
+            _in_picture(left)[rows], _in_picture(right)[columns],
         ])  # fmt: skip
         return rows, columns, measures.astype(np.float32)
 
 
 def _confidence(fruit: Fruit) -> float:
     return 1.0 if fruit.confidence is None else fruit.confidence
+
+
+def _in_picture(view: ViewTrace) -> Floats:
+    """(N,) the share of each circle's width that the picture has; its edge hides the rest."""
+    x, _, radius = view.circles.as_array().T
+    seen = np.minimum(x + radius, view.picture.shape[1]) - np.maximum(x - radius, 0)
+    return cast("Floats", np.clip(seen / (2 * radius), 0, 1))
 
 
 def _coarsely(

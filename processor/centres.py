@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from processor.nearness import PAPERS_FOCAL_PX, Nearness
+from processor.nearness import PAPERS_FOCAL_PX, Nearness, shrunk
 from processor.net import Floats32
 from processor.trace import Floats, Look
 from recorder.records import Picture
@@ -80,6 +80,13 @@ class Centres:
             np.minimum(away, 2), self.visible[chosen],
         ]).astype(np.float32)  # fmt: skip
 
+    def at(self, x: Floats32, y: Floats32) -> "Centres":
+        """What it says at points (...); its edge goes on outside."""
+        places = self._places(x, y)
+        return Centres(
+            self.logit[places], self.circles[places], self.visible[places], self.pitch_px
+        )
+
     def _places(
         self, x: Floats32, y: Floats32
     ) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
@@ -117,15 +124,10 @@ def coarse_view(
 ) -> tuple[Picture, Floats32]:
     """The picture as small as the network sees it, and the usual radius there; (h, w) both."""
     coarser = COARSER * rectification.focal_px / PAPERS_FOCAL_PX
-    small = shrunk(picture, coarser)
-    return small, near_px(nearness, small, coarser)
-
-
-def shrunk(picture: Picture, coarser: float) -> Picture:
-    """The picture that the network sees, so many times smaller; (h, w, 3) BGR."""
     height, width = picture.shape[:2]
-    size = (max(1, round(width / coarser)), max(1, round(height / coarser)))
-    return cast("Picture", cv2.resize(picture, size, interpolation=cv2.INTER_AREA))
+    size_px = (max(1, round(width / coarser)), max(1, round(height / coarser)))
+    small = shrunk(picture, size_px)
+    return small, near_px(nearness, small, coarser)
 
 
 def near_px(nearness: Nearness | None, small: Picture, coarser: float) -> Floats32:

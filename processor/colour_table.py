@@ -16,8 +16,8 @@ Packed = npt.NDArray[np.uint16]
 """(H, W) uint16: three channels packed into 5 + 6 + 5 bits."""
 
 ENTRIES: Final = 1 << 16  # of a table: 5 + 6 + 5 bits
-BRIGHTEST: Final = 251  # of a mean of pixels: above it, most of them were clipped
-DARKEST: Final = 3
+BRIGHTEST: Final = 248  # of a mean of pixels: from there on, most of them were clipped
+DARKEST: Final = 7  # all channels up to there: likewise; both at the edge of five bits
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,7 +62,8 @@ class ColourTable:
         """Read both tables; the index shown is 255 times the probability of fruit."""
         height, width = picture.shape[:2]
         seen = self.smooth(picture)
-        evidence = read_table(self.model.colour, pack(seen))
+        packed = pack(seen)
+        evidence = read_table(self.model.colour, packed)
         surroundings = pack(self.surroundings(evidence, width / evidence.shape[1]))
         found = read_table(self.model.context, surroundings)
         if found.shape == (height, width):
@@ -71,7 +72,7 @@ class ColourTable:
             index = cast("Bytes", cv2.resize(found, (width, height)))
         _, mask = cv2.threshold(index, self.threshold, 255, cv2.THRESH_BINARY)
         return Recognition(
-            index, cast("Bytes", mask), calibrated=True, clipped=clipped(seen, (width, height))
+            index, cast("Bytes", mask), calibrated=True, clipped=clipped(packed, (width, height))
         )
 
     def smooth(self, picture: cv2.typing.MatLike) -> Picture:
@@ -103,11 +104,11 @@ class ColourTable:
         return cast("Picture", cv2.merge([wide, close, near]))
 
 
-def clipped(picture: Picture, size_px: tuple[int, int]) -> Bytes:
+def clipped(packed: Packed, size_px: tuple[int, int]) -> Bytes:
     """255 where a channel is at its upper end, or all are at their lower; of that size."""
-    not_over = cv2.inRange(picture, (0, 0, 0), (BRIGHTEST,) * 3)
-    under = cv2.inRange(picture, (0, 0, 0), (DARKEST,) * 3)
-    lost = cv2.bitwise_or(cv2.bitwise_not(not_over), under)
+    lost = read_table(_CLIPPED, packed)
+    if lost.shape[::-1] == size_px:
+        return lost
     return cast("Bytes", cv2.resize(lost, size_px, interpolation=cv2.INTER_NEAREST))
 
 
@@ -120,3 +121,15 @@ def pack(picture: cv2.typing.MatLike) -> Packed:
 def read_table(table: Bytes, packed: Packed) -> Bytes:
     """(H, W) uint8 entries of a (65536,) table."""
     return cast("Bytes", cv2.LUT(packed, table))
+
+
+def _clipped_entries() -> Bytes:
+    """(65536,) 255 at packed colours that were clipped."""
+    entry = np.arange(ENTRIES)
+    blue, green, red = entry & 31, entry >> 5 & 63, entry >> 11
+    over = (np.maximum(blue, red) >= BRIGHTEST >> 3) | (green >= BRIGHTEST >> 2)
+    under = (np.maximum(blue, red) <= DARKEST >> 3) & (green <= DARKEST >> 2)
+    return np.where(over | under, np.uint8(255), np.uint8(0))
+
+
+_CLIPPED: Final = _clipped_entries()

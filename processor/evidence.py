@@ -9,6 +9,7 @@ import numpy.typing as npt
 from processor.centres import CENTRE_MEASURES, Centres
 from processor.nearness import Nearness
 from processor.net import Floats32
+from processor.partner import PARTNER_MEASURES, Partner
 from processor.trace import Floats
 
 Bytes = npt.NDArray[np.uint8]
@@ -24,7 +25,7 @@ _OUTER: Final = 5  # the ring just outside
 _RIM: Final = np.array([0.9, 0.97, 1.03, 1.1], np.float32)[
     :, None, None
 ]  # where grey levels are compared
-MEASURES: Final = 23 + CENTRE_MEASURES  # of a circle alone
+MEASURES: Final = 23 + CENTRE_MEASURES + PARTNER_MEASURES  # of a circle alone
 CLAIM_MEASURES: Final = 8  # more, of what better circles leave of it
 _DISC: Final = 5  # the first rings sample a circle's inside
 POINTS: Final = RAYS * _DISC
@@ -65,6 +66,7 @@ def gather(
     circles: Floats,
     nearness: Nearness | None = None,
     centres: Centres | None = None,
+    partner: Partner | None = None,
 ) -> Evidence:
     """Sample evidence and grey levels on rings of each circle.
 
@@ -74,6 +76,7 @@ def gather(
         circles: (N, 3) x, y, radius.
         nearness: what the other view says of sizes, where there is one.
         centres: what the network says of the view, where there is one.
+        partner: what it says of the other view, where there is one.
     """
     height, width = index.shape
     x, y, radius = circles.astype(np.float32).T[..., None]
@@ -115,11 +118,12 @@ def gather(
         part[:_DISC].transpose(1, 0, 2).reshape(count, POINTS) for part in (points_x, points_y)
     )
     said, usual_px = _said_of_size(radius[:, 0], fruit, (inside_x, inside_y), nearness)
-    of_centres = (
-        np.zeros((count, CENTRE_MEASURES)) if centres is None else centres.measures(circles)
-    )
+    said_of_centres = [
+        np.zeros((count, columns), np.float32) if network is None else network.measures(circles)
+        for network, columns in ((centres, CENTRE_MEASURES), (partner, PARTNER_MEASURES))
+    ]
     return Evidence(
-        np.column_stack([measures, said, of_centres]).astype(np.float32),
+        np.column_stack([measures, said, *said_of_centres]).astype(np.float32),
         fruit,
         np.stack([inside_x, inside_y]),
         flags,

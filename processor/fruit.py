@@ -21,6 +21,7 @@ from processor.nearness import (
     see_nearness,
 )
 from processor.net import Floats32, Net
+from processor.partner import see_centres
 from processor.rims import Outlines, fit_outlines
 from processor.trace import Circles, Cleaning, Floats, Fruit, Look, Seed
 from recorder.rectify import Rectification
@@ -155,19 +156,21 @@ class FruitFinder:
         window = self.radii_px(look.rectification)
         nearness = see_nearness(look, self.nearest_m, self.furthest_m)
         network = self.model.centres
-        centres = None if network is None else network(look, nearness)
+        centres = partner = None
+        if network is not None:
+            centres, partner = see_centres(look, network, self.nearest_m, self.furthest_m)
         tried = self._voted(cleaning, seed, look, nearness)
         if centres is not None and cleaning.regions:  # every fruit belongs to one of them
             peaks = centres.peaks(self.least_centre)
             fitting = (peaks[:, 2] > window[0]) & (peaks[:, 2] < window[1])
             tried = np.concatenate([peaks[fitting], tried])
-        first = gather(index, grey, tried, nearness, centres)
+        first = gather(index, grey, tried, nearness, centres, partner)
         quality = self.model.quality(first.measures)
         kept = self._distinct(tried, quality)
         outlines = fit_outlines(index, tried[kept], first.usual_px[kept].astype(float))
         circles = outlines.circles
         circles[:, 2] = np.clip(circles[:, 2], *window)
-        evidence = gather(index, grey, circles, nearness, centres)
+        evidence = gather(index, grey, circles, nearness, centres, partner)
         again = self.model.quality(evidence.measures)
         order = np.argsort(-again, kind="stable")
         return Proposals(

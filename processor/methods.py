@@ -39,7 +39,7 @@ MODEL_PARTS: Final[dict[Any, str]] = {
     MatchModel: "match",
     RangeModel: "range",
 }
-DEFAULT_MODEL: Final = "pomolog-3"
+DEFAULT_MODEL: Final = "pomolog-4"
 
 
 def learned(model: Model) -> Locator:

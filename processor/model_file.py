@@ -12,9 +12,10 @@ from zipfile import BadZipFile, ZipFile
 
 import numpy as np
 
-from processor.assign import MatchModel
+from processor.assign import PAIR_MEASURES, MatchModel
 from processor.centres import CentreModel
 from processor.colour_table import ENTRIES, ColourModel
+from processor.evidence import CLAIM_MEASURES, MEASURES
 from processor.fruit import FruitModel
 from processor.net import Net
 from processor.ranging import RangeModel
@@ -23,13 +24,15 @@ from recorder.files import replacing
 from recorder.limits import DEFAULT_LIMITS
 
 FOLDER: Final = Path(__file__).parent / "models"
-_PROFILE: Final = "pomolog-model/2"
+_PROFILE: Final = "pomolog-model/3"
 # what zipfile and NumPy raise on damaged bytes, found by mutating good files
 _DAMAGE: Final = (
     OSError, ValueError, KeyError, EOFError, BadZipFile, MemoryError, OverflowError, IndexError,
     NotImplementedError, RuntimeError, SyntaxError, TypeError, struct.error, zlib.error,
 )  # fmt: skip
-_NETS: Final = ("quality", "choice", "pair")
+_NETS: Final = {  # and what each is told
+    "quality": MEASURES, "choice": MEASURES + CLAIM_MEASURES, "pair": PAIR_MEASURES,
+}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -107,7 +110,7 @@ def _model(name: str, arrays: dict[str, Any]) -> Model:
     for table in ("colour", "context"):
         if arrays[table].shape != (ENTRIES,) or arrays[table].dtype != np.uint8:
             raise ValueError(f"table {table} is not {ENTRIES} bytes")
-    quality, choice, pair = (_net(part, arrays) for part in _NETS)
+    quality, choice, pair = (_net(part, told, arrays) for part, told in _NETS.items())
     spread = tuple(float(w) for w in arrays["spread"])
     centres = CentreModel(arrays["centres"].tobytes()) if "centres" in arrays else None
     return Model(
@@ -119,7 +122,9 @@ def _model(name: str, arrays: dict[str, Any]) -> Model:
     )
 
 
-def _net(name: str, arrays: dict[str, Any]) -> Net:
+def _net(name: str, told: int, arrays: dict[str, Any]) -> Net:
+    if arrays[f"{name}.mean"].shape != (told,):
+        raise ValueError(f"network {name} is not of {told} measures")
     layers = range(sum(key.startswith(f"{name}.weight") for key in arrays))
     return Net(
         arrays[f"{name}.mean"], arrays[f"{name}.scale"],

@@ -4,6 +4,7 @@ A fruit's size in pixels follows from how near it is, so a piece of an apple bet
 large the apple's circle must be, where its own short edge cannot.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final, cast
 
@@ -13,7 +14,7 @@ import numpy.typing as npt
 
 from processor.net import Floats32
 from processor.trace import Look
-from recorder.records import SIDES
+from recorder.records import SIDES, Side
 from recorder.rectify import Rectification
 
 PAPERS_FOCAL_PX: Final = 6e-3 / 5.2e-6  # what lengths in pixels are told for
@@ -56,14 +57,22 @@ def see_nearness(look: Look, nearest_m: float, furthest_m: float) -> Nearness | 
         nearest_m: of what may be seen.
         furthest_m: likewise; everything beyond is as far as that.
     """
+    both = see_both_nearnesses(look, nearest_m, furthest_m)
+    return both[look.side] if both else None
+
+
+def see_both_nearnesses(
+    look: Look, nearest_m: float, furthest_m: float
+) -> Mapping[Side, Nearness] | None:
+    """The same of both views."""
     if look.other is None:
         return None
-    key = f"nearness {nearest_m} {furthest_m}"
+    key = ("nearness", nearest_m, furthest_m)
     if key not in look.shared:
         looks = (look, look.other) if look.side == "left" else (look.other, look)
         look.shared[key] = dict(zip(SIDES, _match(looks, nearest_m, furthest_m), strict=True))
-    nearness: Nearness = look.shared[key][look.side]
-    return nearness
+    both: Mapping[Side, Nearness] = look.shared[key]
+    return both
 
 
 def _match(
@@ -118,7 +127,20 @@ def _coarse(look: Look, coarser: int) -> npt.NDArray[np.uint8]:
     """Grey levels and evidence in one plane: fruit differ from leaves, and from one another."""
     height, width = look.recognition.index.shape
     size = (max(1, width // coarser), max(1, height // coarser))
-    small = cv2.resize(look.picture, size, interpolation=cv2.INTER_AREA)
-    grey = cv2.cvtColor(small, cv2.COLOR_BGR2GRAY)
-    evidence = cv2.resize(look.recognition.evidence(), size, interpolation=cv2.INTER_AREA)
+    grey = cv2.cvtColor(shrunk(look.picture, size), cv2.COLOR_BGR2GRAY)
+    evidence = shrunk(look.recognition.evidence(), size)
     return cast("npt.NDArray[np.uint8]", cv2.addWeighted(grey, 0.5, evidence, 0.5, 0))
+
+
+def shrunk(picture: npt.NDArray[np.uint8], size_px: tuple[int, int]) -> npt.NDArray[np.uint8]:
+    """Means over areas, (width, height); halving again and again is a third of the work."""
+    width, height = size_px
+    rows, columns = picture.shape[:2]
+    while rows % 2 == columns % 2 == 0 and rows >= 2 * height and columns >= 2 * width:
+        rows, columns = rows // 2, columns // 2
+        picture = np.asarray(
+            cv2.resize(picture, (columns, rows), interpolation=cv2.INTER_AREA), np.uint8
+        )
+    if (rows, columns) == (height, width):
+        return picture
+    return np.asarray(cv2.resize(picture, size_px, interpolation=cv2.INTER_AREA), np.uint8)

@@ -148,7 +148,7 @@ class Look:
     rectification: Rectification
     side: Side = "left"
     other: "Look | None" = None  # which has no other itself; None where there is one view
-    shared: dict[str, Any] = field(default_factory=dict)  # worked out for one view, used by both
+    shared: dict[Any, Any] = field(default_factory=dict)  # worked out for one view, used by both
 
 
 def look_both_ways(
@@ -163,7 +163,7 @@ def look_both_ways(
     ]
     if len(alone) == 1:
         return (alone[0],)
-    shared: dict[str, Any] = {}
+    shared: dict[Any, Any] = {}
     left, right = alone
     return replace(left, other=right, shared=shared), replace(right, other=left, shared=shared)
 

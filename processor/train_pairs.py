@@ -10,7 +10,7 @@ from scipy.optimize import minimize
 from processor.assign import Assignment, MatchModel
 from processor.clean import SizeFloor
 from processor.colour_table import ColourModel, ColourTable
-from processor.count import LEAST_IOU
+from processor.count import LEAST_IOU, SEEN_WORTH
 from processor.crossfit import cross_fit
 from processor.discs import LEAST_VISIBLE, disc_iou
 from processor.fruit import FruitFinder, FruitModel
@@ -19,6 +19,7 @@ from processor.net import Floats32, Net
 from processor.ranging import Disparities, RangeModel, measure
 from processor.trace import Floats, Matching, ViewTrace
 from processor.train import on_uncounted
+from recorder.errors import PomologError
 
 Say = Callable[[str], None]
 
@@ -71,14 +72,18 @@ def _apples(view: ViewTrace, lesson: Lesson) -> Floats:
     apples[on_uncounted(circles, lesson.labels, lesson.real)] = -2
     if len(lesson.discs):
         iou = disc_iou(circles, lesson.discs[:, :3])
-        best = iou.argmax(1)
+        best = np.where(iou >= LEAST_IOU, iou + SEEN_WORTH * lesson.discs[:, 3], 0).argmax(1)
         hit = iou.max(1) >= LEAST_IOU
         apples[hit] = np.where(lesson.discs[best[hit], 3] >= LEAST_VISIBLE / 2, best[hit], -2)
     return apples
 
 
 def learn_matches(seen: Sequence[Seen], name: str, say: Say = lambda _: None) -> MatchModel:
-    """Learn from every pair that geometry allows whether it is one apple."""
+    """Learn from every pair that geometry allows whether it is one apple.
+
+    Raises:
+        PomologError: no apple was found in both views.
+    """
     nothing = np.zeros(1, np.float32)
     judge = Assignment(MatchModel(name, Net(nothing, nothing, (), ())))
     measures: list[Floats32] = []
@@ -93,6 +98,10 @@ def learn_matches(seen: Sequence[Seen], name: str, say: Say = lambda _: None) ->
         folds.append(np.full(int(counted.sum()), pair.lessons[0].fold))
     x, y, f = np.concatenate(measures), np.concatenate(right), np.concatenate(folds)
     say(f"{len(y)} pairs, {int(y.sum())} right")
+    if not y.any():
+        raise PomologError(
+            "too few apples were found in both views to learn matching from; give more sessions"
+        )
     fitted = cross_fit(x, y, f, hidden=(16, 8), rounds=50)
     return MatchModel(name, fitted.whole)
 

@@ -1,5 +1,6 @@
 """Models on the disk."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ from recorder.errors import PomologError
 
 
 def test_a_model_written_is_the_model_read(tmp_path: Path) -> None:
-    shipped = load_model("pomolog-3")
+    shipped = load_model("pomolog-4")
     path = tmp_path / "mine.npz"
     save_model(shipped, path, {"made_by": "a test"})
     again = load_model(str(path))
@@ -29,13 +30,22 @@ def test_what_is_no_model_is_refused(content: bytes, tmp_path: Path) -> None:
         load_model(str(path))
 
 
+def test_a_model_of_other_measures_is_refused(tmp_path: Path) -> None:
+    shipped = load_model("pomolog-4")
+    path = tmp_path / "other.npz"
+    odd = replace(shipped, match=replace(shipped.match, pair=shipped.fruit.quality))
+    save_model(odd, path, {})
+    with pytest.raises(PomologError, match=r"network pair is not of \d+ measures"):
+        load_model(str(path))
+
+
 def test_an_unknown_name_lists_the_known() -> None:
-    with pytest.raises(PomologError, match="pomolog-3"):
+    with pytest.raises(PomologError, match="pomolog-4"):
         load_model("best")
 
 
 def test_the_shipped_model_says_where_it_comes_from() -> None:
-    path = Path(__file__).parents[1] / "processor" / "models" / "pomolog-3.json"
+    path = Path(__file__).parents[1] / "processor" / "models" / "pomolog-4.json"
     said = path.read_text()
     assert "fingerprint" in said
     assert '"split": "test"' not in said
