@@ -88,36 +88,34 @@ class Cluster:
             PomologError: the scheduler is gone.
         """
         while self._running:
-            job, found = self._settled()
-            if found:
-                return found
+            job, result, killed = self._settled()
+            if not killed:
+                return job, result
             self._suspects.append(job)
         self.submit(self._suspects.popleft())  # alone: Dask blames all that a dead worker had
-        job, found = self._settled()
-        return found or (job, killer(job, "with more memory a worker"))
+        return self._settled()[:2]
 
-    def _settled(self) -> tuple[Job, tuple[Job, Result] | None]:
-        """A job and what became of it; None: it was there when several workers died."""
+    def _settled(self) -> tuple[Job, Result, bool]:
+        """A job, what became of it, and whether it was there when several workers died."""
         future = next(self._done)
         job = self._running.pop(future)
         try:
             result: Joined | None = future.result()
         except PomologError as error:
-            return job, (job, error)
+            return job, error, False
         except self._killed:
-            return job, None
+            return job, killer(job, "with more memory a worker"), True
         except self._gone:
             raise PomologError(
                 f"the cluster at {self._address} is gone; run the same command again, it goes on"
             ) from None
         except ImportError as error:
-            return job, (job, PomologError(
-                f"{job}: a worker lacks something ({error}); install the same pomolog on every one"
-            ))  # fmt: skip
+            lacking = f"{job}: a worker lacks something ({error})"
+            return job, PomologError(f"{lacking}; install the same pomolog on every one"), False
         except Exception as bug:
-            return job, (job, our_bug(job, bug))
+            return job, our_bug(job, bug), False
         self._tick(job.pairs)
-        return job, (job, result)
+        return job, result, False
 
 
 def _do(job: Job) -> Joined | None:
